@@ -84,7 +84,7 @@ def pinch_edge(arm: str, variation: int, fabric: str, stiffness: float) -> dict[
         return cloth.vertex(vertex) - actor.positions()[0]
 
     close_at(env, edge_place(env))
-    vertex = int(np.linalg.norm(cloth.offsets(actor.positions()[0]), axis=1).argmin())
+    vertex = int(np.linalg.norm(cloth.displacements_from(actor.positions()[0]), axis=1).argmin())
     pinched = offset(vertex)
     lift_and_carry(env)
     start = time.thread_time(), env.physics.data.time

@@ -1,7 +1,7 @@
-"""What is measured: arrays in, arrays out, of one simulation or of many at once.
+"""Measures of states: functions of arrays, of one simulation or of a batch.
 
 Leading dimensions `...` are () for one simulation and (num_envs,) for a batch. Arrays are NumPy's
-or PyTorch's; a batch pads what differs in size with zeros (`Episode.stack`).
+or PyTorch's; a batch pads different sizes with zeros (`Episode.stack`).
 """
 
 import dataclasses
@@ -16,17 +16,17 @@ from scipy.optimize import linear_sum_assignment
 
 from softgym_mj.batch import measures
 
-Array = Any  # Of NumPy or PyTorch.
+Array = Any  # Array of NumPy or PyTorch.
 
-# Lines on which the covered area is measured. With 256 the error on crumpled meshes is 0.03 %; an
-# outline step parallel to X costs up to half a line pitch of its length.
+# Scan lines for the covered area. With 256 the error on crumpled meshes is 0.03 %; an outline step
+# parallel to X costs up to half a line pitch of its length.
 AREA_LINES = 256
 DISPLACEMENT_WEIGHT = 1.2  # docs/softgym.md 3.7.
 
 
 @dataclasses.dataclass(frozen=True)
 class Measures:
-    """The one evaluation of an env step that feeds reward, info and logs.
+    """Evaluation of an env step, for reward, info and logs.
 
     Attributes:
         performance: (...) SoftGym's task metric in its own unit; finite.
@@ -40,17 +40,17 @@ class Measures:
 
     @property
     def reward(self) -> Array:
-        """The sum of its terms."""
+        """Sum of the reward's terms."""
         return sum(self.rewards.values())
 
 
 def namespace(array: Array) -> Any:
-    """The array API of what an array is of; NumPy's is known by its type, ten times as fast."""
+    """Returns the array API of an array; NumPy's is recognized by its type, ten times as fast."""
     return np if isinstance(array, np.ndarray) else array_api_compat.array_namespace(array)
 
 
 def constant(values: Any, beside: Array) -> Array:
-    """Numbers (...) as an array where another one is; on a device they are put once."""
+    """Returns numbers (...) as an array on the device of another one; each is copied there once."""
     numbers = np.asarray(values)
     if isinstance(beside, np.ndarray):
         return numbers
@@ -66,29 +66,29 @@ def _constant(content: bytes, shape: tuple[int, ...], dtype: np.dtype, device: A
 
 
 def chosen(points: Array, indices: Any) -> Array:
-    """Points (..., k, 3) out of points (..., n, 3), the same in all: by indices (k,)."""
+    """Returns points (..., k, 3) out of points (..., n, 3) by common indices (k,)."""
     return namespace(points).take(points, constant(indices, points), axis=-2)
 
 
 def normalize(performance: Array, lower: Array, upper: Array) -> Array:
-    """(s - lower) / (upper - lower), docs/softgym.md 1.8; 0 when the bounds coincide."""
+    """Returns (s - lower) / (upper - lower), or 0 if the bounds coincide (docs/softgym.md 1.8)."""
     span = upper - lower
     return (performance - lower) / (span + (span == 0)) * (span != 0)
 
 
 def flat(values: Array) -> Array:
-    """Values (..., rows, columns) as (..., rows * columns)."""
+    """Returns values (..., rows, columns) as (..., rows * columns)."""
     return values.reshape((*values.shape[:-2], math.prod(values.shape[-2:])))
 
 
 def mean(values: Array, counts: Array) -> Array:
-    """Means (...) over the last axis of values (..., n), of those with counts (..., n) of 1."""
+    """Returns means (...) over the last axis of values (..., n) with weights (..., n) of 0 or 1."""
     xp = namespace(values)
     return xp.sum(values * counts, axis=-1) / xp.sum(counts, axis=-1)
 
 
 def distance(first: Array, second: Array) -> Array:
-    """Distances (...) [m] of points (..., 3), of NumPy as `math.dist` rounds them."""
+    """Returns distances (...) [m] of points (..., 3), rounded as by `math.dist` for NumPy."""
     if array_api_compat.is_torch_array(first):
         return namespace(first).linalg.vector_norm(first - second, axis=-1)
     rows = zip(first.reshape(-1, 3).tolist(), second.reshape(-1, 3).tolist(), strict=True)
@@ -96,29 +96,29 @@ def distance(first: Array, second: Array) -> Array:
 
 
 def lengths(vectors: Array) -> Array:
-    """Lengths (...) of vectors (..., 3)."""
+    """Returns lengths (...) of vectors (..., 3)."""
     return namespace(vectors).linalg.vector_norm(vectors, axis=-1)
 
 
 def columns(*values: Array) -> Array:
-    """Values (...) side by side (..., n)."""
+    """Returns values (...) stacked along a new last axis (..., n)."""
     return namespace(values[0]).stack(values, axis=-1)
 
 
 def taken(points: Array, indices: Array) -> Array:
-    """Points (..., k, 3) out of points (..., n, 3) by their indices (..., k)."""
-    if indices.ndim == 1:  # Of one simulation: ten times as fast.
+    """Returns points (..., k, 3) out of points (..., n, 3) by their indices (..., k)."""
+    if indices.ndim == 1:  # Ten times as fast for one simulation.
         return points[indices]
     xp = namespace(points)
     return xp.take_along_axis(points, indices[..., None], axis=-2)
 
 
 def covered_area(vertices: Array, triangles: Array, lines: int = AREA_LINES) -> Array:
-    """Areas (...) [m^2] that triangle meshes cover in top view, layers counted once.
+    """Returns areas (...) [m^2] that triangle meshes cover in top view; layers count once.
 
     The covered length is exact along X on each of `lines` equidistant lines of constant Y, and
-    integrated along Y by the midpoint rule. It depends neither on the mesh resolution nor on the
-    orientation; for an axis-aligned flat cloth it is exactly SoftGym's value (docs/softgym.md A).
+    integrated along Y by the midpoint rule. The result depends neither on the mesh resolution nor
+    on the orientation; for an axis-aligned flat cloth it equals SoftGym's (docs/softgym.md A).
 
     Args:
         vertices: (..., n, 3) or (..., n, 2) positions [m].
@@ -167,7 +167,7 @@ def _covered_area(vertices: np.ndarray, triangles: np.ndarray, lines: int) -> fl
 
 
 def _covered_areas(vertices: Array, triangles: Array, lines: int) -> Array:
-    """`covered_area` of PyTorch's tensors."""
+    """Computes `covered_area` of PyTorch's tensors."""
     leading, coordinates = vertices.shape[:-2], vertices.shape[-1]
     number = math.prod(leading)
     points = vertices.double().reshape((number, vertices.shape[-2], coordinates))
@@ -176,7 +176,7 @@ def _covered_areas(vertices: Array, triangles: Array, lines: int) -> Array:
 
 
 def _crossing(level, x0, y0, x1, y1):
-    """X where the segments (x0, y0)-(x1, y1) meet Y = level; x0 for a level segment."""
+    """Returns X where segments (x0, y0)-(x1, y1) meet Y = level; x0 for a level segment."""
     xp = namespace(level)
     height = y1 - y0
     safe = xp.where(height > 0.0, height, 1.0)
@@ -184,10 +184,10 @@ def _crossing(level, x0, y0, x1, y1):
 
 
 def particles(shape: Mapping[str, Array], points: Array) -> Array:
-    """Positions (..., dimy, dimx, 3) [m] of SoftGym's particles on a cloth.
+    """Returns positions (..., dimy, dimx, 3) [m] of SoftGym's particles on a cloth.
 
     Args:
-        shape: of the cloth, as in `Cloth.shape_arrays`.
+        shape: arrays of the cloth, `Cloth.arrays`.
         points: (..., n, 3) positions of its vertices [m].
     """
     xp = namespace(points)
@@ -197,8 +197,8 @@ def particles(shape: Mapping[str, Array], points: Array) -> Array:
     return xp.einsum("...jr,...rik->...jik", shape["by_row"], across)
 
 
-def offsets(shape: Mapping[str, Array], points: Array, goal: Array) -> Array:
-    """Mean distance (...) [m] of a cloth's particles from where they ought to be.
+def goal_distance(shape: Mapping[str, Array], points: Array, goal: Array) -> Array:
+    """Returns the mean distance (...) [m] of a cloth's particles from their goal positions.
 
     Args:
         shape, points: as in `particles`.
@@ -210,7 +210,7 @@ def offsets(shape: Mapping[str, Array], points: Array, goal: Array) -> Array:
 
 
 def fold(shape: Mapping[str, Array], points: Array, goal: Array) -> Measures:
-    """How well columns 0 to half of a cloth lie on their mirror columns, and these in their places.
+    """Measures how well columns 0 to half of a cloth lie on their mirror columns, at their goals.
 
     Everything is measured at SoftGym's particles, so it does not depend on the resolution. The
     middle column of an odd number belongs to neither half.
@@ -234,7 +234,7 @@ def fold(shape: Mapping[str, Array], points: Array, goal: Array) -> Measures:
 
 
 def _columns(sheet: Array, indices: Array) -> Array:
-    """Columns (..., rows, k, 3) of a sheet (..., rows, columns, 3) by their indices (..., k)."""
+    """Returns columns (..., rows, k, 3) of a sheet (..., rows, columns, 3) by indices (..., k)."""
     if indices.ndim == 1:
         return sheet[:, indices]
     xp = namespace(sheet)
@@ -242,9 +242,9 @@ def _columns(sheet: Array, indices: Array) -> Array:
 
 
 def inside(points: Array, pose: Array, size: Array) -> Array:
-    """Which points are in a cup's box, turned with it: (..., n) bool.
+    """Returns which points are in a cup's box, rotated with it: (..., n) bool.
 
-    The box has the walls in it, and half a wall above the rim (docs/softgym.md 3.0).
+    The box includes the walls, and half a wall above the rim (docs/softgym.md 3.0).
 
     Args:
         points: (..., n, 3) [m] in the world.
@@ -254,7 +254,7 @@ def inside(points: Array, pose: Array, size: Array) -> Array:
     xp = namespace(points)
     away = points - pose[..., None, :3]
     w, x, y, z = (pose[..., i, None] for i in range(3, 7))
-    axes = (  # Of the cup, in the world.
+    axes = (  # Axes of the cup in the world.
         (w * w + x * x - y * y - z * z, 2 * (x * y + w * z), 2 * (x * z - w * y)),
         (2 * (x * y - w * z), w * w - x * x + y * y - z * z, 2 * (y * z + w * x)),
         (2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z),
@@ -270,21 +270,21 @@ def inside(points: Array, pose: Array, size: Array) -> Array:
 
 
 def fraction(marks: Array, present: Array) -> Array:
-    """Share (...) of the points (..., n) that are there that have a mark (..., n) bool."""
+    """Returns the share (...) of present points (..., n) bool that have a mark (..., n) bool."""
     xp = namespace(marks)
     return mean(xp.astype(marks, xp.float64), xp.astype(present, xp.float64))
 
 
 def highest(points: Array, present: Array) -> Array:
-    """Height (...) [m] of the highest of the points (..., n, 3) that are there (..., n) bool."""
+    """Returns the height (...) [m] of the highest of the present points (..., n, 3)."""
     xp = namespace(points)
     return xp.max(xp.where(present, points[..., 2], -math.inf), axis=-1)
 
 
 def matched_distance(points: Array, goal: Array) -> Array:
-    """Mean distance (...) [m] of points (..., n, 3) to goal points (..., n, 3).
+    """Returns the mean distance (...) [m] of points (..., n, 3) to goal points (..., n, 3).
 
-    They are matched so that it is smallest (Jonker and Volgenant, 1987).
+    Pairs minimize the total distance (linear assignment; Jonker and Volgenant, 1987).
     """
     apart = lengths(points[..., :, None, :] - goal[..., None, :, :])
     number, leading = points.shape[-2], points.shape[:-2]

@@ -1,4 +1,4 @@
-"""The tasks by name: files of `tasks`, and what users register."""
+"""Registry of tasks: the package's, found by their files in `tasks`, and custom ones."""
 
 import importlib
 import inspect
@@ -24,29 +24,29 @@ if TYPE_CHECKING:
 
 
 class TaskRecord:
-    """A task; one that is registered again is another one.
+    """Entry of the registry; registering a name again makes a new record.
 
-    What it says comes from the task's class, which is imported when first asked for.
+    Its properties come from the task's class, which is imported on first use.
 
     Attributes:
         name: snake_case name.
         class_name: "SpreadCloth" for "spread_cloth".
-        version: scores of another one do not compare.
+        version: version of the task; scores of different versions do not compare.
         gymnasium_id: "softgym_mj/SpreadCloth-v0" for "spread_cloth".
-        is_custom: whether it is registered by somebody else than this package.
+        is_custom: whether the task is not part of this package.
     """
 
     def __init__(
         self, name: str, task_class: "type[Task] | None" = None, version: int = 0, **overrides
     ):
-        """A record.
+        """Makes a record.
 
         Args:
             name: snake_case name.
-            task_class: what builds the task from keyword arguments; None for the class of this name
-                in `softgym_mj.tasks`.
-            version: that of its numbers, 0 or more.
-            **overrides: instead of attributes of the class, where not None.
+            task_class: builds the task from keyword arguments; None for the class of this name in
+                `softgym_mj.tasks`.
+            version: version of the Gymnasium id, 0 or more.
+            **overrides: values that replace attributes of the class, where not None.
         """
         self.name, self.is_custom, self.version = name, task_class is not None, version
         self.class_name = "".join(word.title() for word in name.split("_"))
@@ -58,7 +58,7 @@ class TaskRecord:
         return f"TaskRecord({self.name!r})"
 
     def resolve(self) -> "type[Task]":
-        """The class; imports its module."""
+        """Returns the class; imports its module."""
         if self._class is None:
             module = importlib.import_module(f"softgym_mj.tasks.{self.name}")
             self._class = getattr(module, self.class_name)
@@ -79,36 +79,36 @@ class TaskRecord:
 
     @property
     def summary(self) -> str:
-        """What is to be done."""
+        """What to do, in a sentence."""
         return self._of_class("summary")
 
     @property
     def tags(self) -> tuple[str, ...]:
-        """Difficulty and kind of object."""
+        """Difficulty and material."""
         task_class = self.resolve()
         return self._overrides.get("tags", (task_class.difficulty, task_class.material))
 
     @property
     def arguments(self) -> dict[str, Any]:
-        """Annotations of the class' keyword arguments by name, those of its `**settings` too."""
-        found: dict[str, Any] = {}
+        """Annotations of the class's keyword arguments by name, including those of `**settings`."""
+        annotations: dict[str, Any] = {}
         for parameter in inspect.signature(self.resolve(), eval_str=True).parameters.values():
             if parameter.kind is inspect.Parameter.VAR_KEYWORD:
-                found |= typing.get_type_hints(_unpacked(parameter))
+                annotations |= typing.get_type_hints(_unpacked(parameter))
             else:
-                found[parameter.name] = parameter.annotation
-        return found
+                annotations[parameter.name] = parameter.annotation
+        return annotations
 
     def check_arguments(self, arguments: Mapping[str, object], others: Sequence[str] = ()) -> None:
-        """Raises unless all arguments are the class', of the kind that it says.
+        """Raises unless all arguments are known to the class and have the right types.
 
         Args:
             arguments: keyword arguments.
-            others: names that the caller takes besides, for the message.
+            others: names that the caller accepts in addition, for the message.
 
         Raises:
-            UnexpectedArgumentError: for another name.
-            InvalidArgumentError: for a value of another kind.
+            UnexpectedArgumentError: for an unknown name.
+            InvalidArgumentError: for a value of the wrong type.
         """
         own = self.arguments
         for name, value in arguments.items():
@@ -121,7 +121,7 @@ class TaskRecord:
             check_type(name, value, own[name])
 
     def build(self, **task_kwargs) -> "Task":
-        """Builds the task; errors as of `check_arguments`: nothing else comes in from outside."""
+        """Builds the task; raises the errors of `check_arguments`."""
         self.check_arguments(task_kwargs)
         if task_kwargs.get("action_repeat") is None and "action_repeat" in self._overrides:
             task_kwargs["action_repeat"] = self._overrides["action_repeat"]
@@ -129,7 +129,7 @@ class TaskRecord:
 
 
 def _unpacked(parameter: inspect.Parameter) -> type:
-    """The TypedDict that names what a parameter such as `**settings` takes.
+    """Returns the TypedDict that annotates a parameter such as `**settings`.
 
     Raises:
         InvalidArgumentError: if the parameter is not annotated with one.
@@ -143,11 +143,11 @@ def _unpacked(parameter: inspect.Parameter) -> type:
     return typing.get_args(parameter.annotation)[0]
 
 
-# Tasks of the package whose numbers have changed so that scores do not compare, as CONTRIBUTING.md
-# says; others have version 0. Here, as ids are known before the tasks are imported.
+# Versions of the package's tasks whose scores no longer compare (CONTRIBUTING.md); other tasks have
+# version 0. They are listed here because ids are registered before tasks are imported.
 VERSIONS: dict[str, int] = {}
 
-# Files, each with a class of its name.
+# Each file has a class of the same name.
 _FILES = pkgutil.iter_modules([str(pathlib.Path(__file__).parent / "tasks")])
 TASKS = {
     file.name: TaskRecord(file.name, version=VERSIONS.get(file.name, 0))
@@ -169,20 +169,21 @@ def register(
     summary: str | None = None,
     version: int = 0,
 ) -> TaskRecord:
-    """Adds a custom task to `TASKS`, Gymnasium's registry and dm_control's suite.
+    """Adds a custom task to `TASKS`, Gymnasium's registry and dm_control's suite of this process.
 
-    In this process; what is registered by this name is replaced, but no task of the package.
+    A custom task of the same name is replaced; names of the package's tasks are reserved.
 
     Args:
         name: snake_case name: "soak_cloth" becomes "softgym_mj/SoakCloth-v0".
         task_class: a subclass of `softgym_mj.tasks.Task`. Keyword arguments that it passes on as
-            `**settings` have to be named: `**settings: Unpack[TaskSettings]`, with the
-            `TaskSettings` of `softgym_mj.tasks` or another TypedDict.
-        horizon: env steps in an episode, 1 or more; like what follows, None for the class' own.
-        tags: words to find it by in dm_control's suite; its difficulty and material.
+            `**settings` must be named: `**settings: Unpack[TaskSettings]`, with the `TaskSettings`
+            of `softgym_mj.tasks` or another TypedDict.
+        horizon: env steps in an episode, 1 or more; None, here and below, for the class's own
+            value.
+        tags: tags in dm_control's suite; by default difficulty and material.
         action_repeat: sim steps of 0.01 s per env step.
-        summary: what is to be done.
-        version: 0 or more, of the Gymnasium id; to raise when its scores no longer compare.
+        summary: what to do, in a sentence.
+        version: version of the Gymnasium id, 0 or more; raise it when scores no longer compare.
 
     Returns:
         Its record.
@@ -213,7 +214,7 @@ def register(
         action_repeat=action_repeat,
         summary=summary,
     )
-    _ = record.arguments  # Fails if they have no names.
+    _ = record.arguments  # Raises if they have no names.
     if name in TASKS:
         gymnasium.registry.pop(TASKS[name].gymnasium_id, None)
     TASKS[name] = record
@@ -225,8 +226,8 @@ def register(
 def add_gymnasium_id(record: TaskRecord) -> None:
     """Registers the id of a task for `make` and `make_vec`; imports neither task nor environment.
 
-    The id has no `max_episode_steps`: Gymnasium's `TimeLimit` would end episodes at the task's own
-    horizon, whatever `horizon=` and the actor say, and count on when a state is restored.
+    The id has no `max_episode_steps`: Gymnasium's `TimeLimit` would end episodes at that number,
+    whatever `horizon=` and the actor, and would not restart its count when a state is restored.
     """
     gymnasium.register(
         id=record.gymnasium_id,
@@ -237,9 +238,9 @@ def add_gymnasium_id(record: TaskRecord) -> None:
 
 
 def list_in_suite() -> None:
-    """Puts the names of `TASKS` into the lists of `dm_control.suite`; imports no task.
+    """Adds the names of `TASKS` to the lists of `dm_control.suite`; imports no task.
 
-    EASY and HARD hold dm_control's own tasks only: tags are known once a task is imported.
+    EASY and HARD list dm_control's own tasks only, because tags require importing a task.
     """
     from dm_control import suite
 
@@ -251,11 +252,11 @@ def list_in_suite() -> None:
 
 
 def find(task: str | TaskRecord) -> TaskRecord:
-    """The record of a task.
+    """Returns the record of a task.
 
     Args:
-        task: task name, one of `TASKS`; "module:name" for a custom task, whose module is
-            imported first so that it calls `register`; or a record, which is returned.
+        task: task name, one of `TASKS`; "module:name" for a custom task, whose module is imported
+            first so that it calls `register`; or a record, which is returned.
 
     Raises:
         InvalidArgumentError: if there is no such task; if the module cannot be imported or
@@ -269,7 +270,7 @@ def find(task: str | TaskRecord) -> TaskRecord:
     module, name = task.split(":", 1)
     try:
         imported = importlib.import_module(module)
-    except Exception as error:  # Whatever the code of the module raises.
+    except Exception as error:  # The module may raise anything.
         raise InvalidArgumentError(
             f"task={task!r}: {module!r} cannot be imported: {type(error).__name__}: {error}; "
             f"`python -c 'import {module}'` has to work"

@@ -1,4 +1,4 @@
-"""What is in a scene: the arena, ropes, cloths, garments, cups and marks."""
+"""Parts of a scene: the arena, ropes, cloths, garments, cups and marks."""
 
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cloth import Cloth

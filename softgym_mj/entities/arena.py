@@ -1,4 +1,4 @@
-"""The scene every task plays in: a table in a room, lights and cameras."""
+"""`Arena`: the scene of every task: a table in a room, lights and cameras."""
 
 import dataclasses
 import math
@@ -22,28 +22,27 @@ _SHIFTS = tuple(
     shifted(f"camera_{axis}", "m", 0.02, 0.1, f"shift of the task's camera along {what}", "visual")
     for axis, what in zip("xyz", "XYZ", strict=True)
 )
-# Turns about the camera's own axes: right, up and backward.
+# Rotations about the camera's own axes: right, up and backward.
 _TURNS = tuple(
     shifted(f"camera_{turn}", "deg", 1.0, 5.0, f"turn of the task's camera {how}", "visual")
     for turn, how in (("tilt", "upward"), ("pan", "to the left"), ("roll", "counter-clockwise"))
 )
 _ZOOM = shifted("camera_fov", "deg", 1.5, 6.0, "to the task's camera's field of view", "visual")
 SOLIDS = ("box", "sphere", "capsule", "cylinder", "ellipsoid")
-# [s] With MuJoCo's 0.02 s a rope that hangs over a rod of 4 mm sinks through it: all its weight is
-# borne by two light vertices. MuJoCo makes it twice the physics step at least.
+# [s] Contact time constant. With MuJoCo's 0.02 s a rope that hangs over a rod of 4 mm sinks through
+# it, since two light vertices bear its weight. MuJoCo raises it to at least twice the physics step.
 _SOLID_TIME = 0.01
 
 
 class Arena(composer.Arena, Parametric):
-    """A table, lights and cameras: the task's ("task"), "overview", external ones with depth.
+    """A table, lights and cameras: "task", "overview", and external depth cameras "left", "right".
 
-    The latter, "left" and "right" of the task's camera, face each other across the scene; no domain
-    parameter moves them.
+    The external cameras face each other across the scene; no domain parameter moves them.
 
     Attributes:
-        view: from where it is looked at.
-        parameters: domain parameters: of the task's camera.
-        adjustable: itself and what else has domain parameters: the room and the lights.
+        view: camera view.
+        parameters: domain parameters of the task's camera.
+        adjustable: parts with domain parameters: the arena, the room and the lights.
     """
 
     parameters = (*_SHIFTS, *_TURNS, _ZOOM)
@@ -54,13 +53,13 @@ class Arena(composer.Arena, Parametric):
         """Builds the scene.
 
         Args:
-            view: from where it is looked at, or its name in `VIEWS`.
-            arms: whether robot arms are in it.
-            look: how it is drawn.
+            view: camera view, or its name in `VIEWS`.
+            arms: whether the scene has robot arms.
+            look: rendering detail.
             name: model name.
 
         Raises:
-            InvalidArgumentError: for no view.
+            InvalidArgumentError: for an unknown view.
         """
         if not isinstance(view, View):
             if view not in tuple(VIEWS):
@@ -85,7 +84,7 @@ class Arena(composer.Arena, Parametric):
         self.adjustable: tuple[Adjustable, ...] = (self, room, lights)
 
     def place(self, name: str, pose: CameraPose) -> mjcf.Element:
-        """Puts one of its cameras elsewhere, from the next compilation on; returns it."""
+        """Moves one of the arena's cameras before compilation; returns it."""
         if name == "task":
             self._pose = pose
         camera = self._mjcf_root.find("camera", name)
@@ -102,14 +101,15 @@ class Arena(composer.Arena, Parametric):
         camera.fovy = self._pose.field_of_view + values[_ZOOM.name]
 
     def add_solid(self, type: str, **attributes: object) -> mjcf.Element:
-        """Adds a rigid shape that stays where it is: a rod, a shelf, a table, a wall.
+        """Adds a static rigid shape: a rod, a shelf, a table, a wall.
 
-        Cloth, rope and rigid bodies lie on it, water stays in front of it, the hands of arms stop
-        at it; their controllers do not know of it. Pickers pass through it.
+        It collides with cloth, rope, rigid bodies, water and the hands of arms, but not with
+        pickers; controllers of arms do not avoid it.
 
         Args:
             type: "box", "sphere", "capsule", "cylinder" or "ellipsoid".
-            **attributes: of MJCF's `geom`: size [m], pos or fromto [m], quat, rgba, friction, ...
+            **attributes: attributes of MJCF's `geom`: size [m], pos or fromto [m], quat, rgba,
+                friction, ...
 
         Returns:
             The geom.
@@ -118,7 +118,7 @@ class Arena(composer.Arena, Parametric):
             InvalidArgumentError: for another type.
         """
         check_name("type", type, SOLIDS)
-        # Its own friction and softness count, whatever lies on it.
+        # Its own friction and softness override those of what rests on it.
         contact = {
             "conaffinity": OBJECT_CONTACT | GRIPPER_CONTACT,
             "priority": 1,
@@ -127,11 +127,11 @@ class Arena(composer.Arena, Parametric):
         return self._mjcf_root.worldbody.add("geom", type=type, **(contact | attributes))
 
     def compile(self, timestep: float, *entities: composer.Entity) -> mjcf.Physics:
-        """Physics of the scene outside of an environment, with `entities` bound to it.
+        """Compiles the scene outside of an environment, and binds `entities` to the physics.
 
         Args:
             timestep: physics step [s].
-            *entities: what is in the scene and reads or writes its state.
+            *entities: entities that read or write its state.
         """
         self._mjcf_root.option.timestep = timestep
         physics = mjcf.Physics.from_mjcf_model(self._mjcf_root)

@@ -10,18 +10,19 @@ from softgym_mj.rendering.skins import spline
 from softgym_mj.rendering.textures import PAD, STRIP
 from softgym_mj.validation import typed
 
-# SoftGym counts cloth sizes in FleX particles this far apart [m]; a side is (dim - 1) of them.
+# [m] Spacing of the FleX particles in which SoftGym counts cloth sizes; a side is (dim - 1) of
+# them.
 PARTICLE_SPACING = 0.00625
 MIN_DIM, MAX_DIM = 10, 200  # Accepted sizes in particles: 0.06 m to 1.24 m.
 DEFAULT_DIMS = (96, 58)  # SoftGym's size when variations are off (docs/softgym.md 3.0).
-# Vertex spacing [m].
+# [m] Vertex spacing.
 FIDELITIES = {"fast": 0.04, "default": 0.03, "accurate": 0.02}
 
 
 def grid_shape(dims: tuple[int, int], fidelity: str) -> tuple[int, int]:
-    """Number of vertex (rows, columns) of a cloth of `dims` = (dimx, dimy) particles.
+    """Returns the number of vertex (rows, columns) of a cloth of `dims` = (dimx, dimy) particles.
 
-    They are odd, so that it can be folded in half along edges: else a whole cell lies in the bend.
+    They are odd, so that it can be folded in half along edges instead of across cells.
     """
     check_name("fidelity", fidelity, FIDELITIES)
     spacing = FIDELITIES[fidelity]
@@ -30,20 +31,19 @@ def grid_shape(dims: tuple[int, int], fidelity: str) -> tuple[int, int]:
 
 
 class Cloth(Sheet):
-    """A sheet of (rows, columns) vertices; row 0 lies at +Y, column 0 at -X, front side down.
+    """Sheet of (rows, columns) vertices; row 0 at +Y, column 0 at -X, front side down.
 
-    This is SoftGym's order (index = row * columns + column, columns along x, rows along z) in
-    z-up coordinates, where FleX's z is -Y. Its triangles are counter-clockwise from above when it
-    is laid flat.
+    This is SoftGym's order (index = row * columns + column, columns along x, rows along z) in z-up
+    coordinates; FleX's z is -Y. Triangles of the flat cloth are counter-clockwise from above.
 
     Attributes:
         dims: size (dimx, dimy) in SoftGym particles.
         shape: number of vertex (rows, columns).
-        arrays: what depends on the size, by name. Side lengths `size` (2,) [m], `triangles` (m, 3),
-            `corners` (4,) and the `grid` (rows, columns) of vertex indices; weights `by_row` (dimy,
-            rows) and `by_column` (dimx, columns) of SoftGym's particles; ones `rows` (dimy,) and
-            `columns` (dimx,); the columns of particles of the halves (dimx // 2,), mirror columns
-            in the same place, and ones, `pairs`, of these.
+        arrays: arrays that depend on the size, by name. Side lengths `size` (2,) [m], `triangles`
+            (m, 3), `corners` (4,) and the `grid` (rows, columns) of vertex indices; weights
+            `by_row` (dimy, rows) and `by_column` (dimx, columns) of SoftGym's particles; ones
+            `rows` (dimy,) and `columns` (dimx,); the columns of particles of the halves (dimx //
+            2,), mirror columns in the same place, and ones, `pairs`, of these.
     """
 
     @typed
@@ -60,15 +60,14 @@ class Cloth(Sheet):
         """Builds the cloth.
 
         Args:
-            size: side lengths (along X, along Y) [m], each 0.05625..1.24375, to the nearest whole
-                number of SoftGym's particle spacings of 6.25 mm; None for SoftGym's usual cloth,
-                0.59375 by 0.35625.
-            fidelity: "fast", "default" or "accurate": about 4, 3 or 2 cm between vertices.
-            fabric: what it is made of; None for a woven tablecloth.
-            marker: whether a strip of 3 cm along the rows' first eighth shows the other side's
-                colour, as in SoftGym's folding tasks: it tells which half is to be folded over.
+            size: side lengths (along X, along Y) [m], each 0.05625..1.24375, rounded to SoftGym's
+                particle spacing of 6.25 mm; None for SoftGym's default, 0.59375 by 0.35625.
+            fidelity: "fast", "default" or "accurate": vertices about 4, 3 or 2 cm apart.
+            fabric: fabric; None for a woven tablecloth.
+            marker: whether a strip of 3 cm along the rows' first eighth has the other side's color,
+                as in SoftGym's folding tasks, to mark the half to fold over.
             name: model name.
-            dims: instead of `size`: (dimx, dimy) SoftGym particles along the sides, each 10..200.
+            dims: (dimx, dimy) in SoftGym particles, each 10..200, instead of `size`.
 
         Raises:
             InvalidArgumentError: for a bad fidelity or size, or both sizes.
@@ -99,35 +98,35 @@ class Cloth(Sheet):
         return np.array([0, last - columns + 1, columns - 1, last])
 
     def index(self, row: int, column: int) -> int:
-        """Vertex index of a grid node; negative rows and columns count from the end."""
+        """Returns the vertex index of a grid node; negative rows and columns count from the end."""
         rows, columns = self.shape
         if not (-rows <= row < rows and -columns <= column < columns):
             raise InvalidArgumentError("(row, column)", (row, column), f"a grid of {self.shape}")
         return (row % rows) * columns + column % columns
 
     def grid(self) -> np.ndarray:
-        """Current vertex positions (rows, columns, 3) [m]."""
+        """Returns current vertex positions (rows, columns, 3) [m]."""
         return self.points().reshape(*self.shape, 3)
 
     def particles(self, vertices: np.ndarray | None = None) -> np.ndarray:
-        """Positions (dimy, dimx, 3) [m] of SoftGym's particles on the mesh.
+        """Returns positions (dimy, dimx, 3) [m] of SoftGym's particles on the mesh.
 
         Args:
-            vertices: (num_points, 3) positions [m]; the current ones when None.
+            vertices: (num_points, 3) positions [m]; None for the current ones.
         """
         return metrics.particles(self.arrays, self.points() if vertices is None else vertices)
 
     def flat(self, centre: tuple[float, float] = (0.0, 0.0), angle: float = 0.0) -> np.ndarray:
-        """Vertex positions (num_points, 3) [m] of the cloth lying flat at its resting height.
+        """Returns vertex positions (num_points, 3) [m] of the flat cloth on the floor.
 
         Args:
-            centre: (X, Y) of its centre [m].
+            centre: (X, Y) of its center [m].
             angle: rotation about +Z [rad].
         """
         return self._turned(self._rest_points, centre, angle)
 
     def resize(self, dims: tuple[int, int]) -> bool:
-        """Gives the cloth another size; True when the model changed and must be recompiled."""
+        """Resizes the cloth; returns True if the model changed and must be recompiled."""
         if len(dims) != 2 or not all(MIN_DIM <= dim <= MAX_DIM for dim in dims):
             raise InvalidArgumentError("dims", dims, f"two sizes in {MIN_DIM}..{MAX_DIM} particles")
         dims = (int(dims[0]), int(dims[1]))
@@ -177,7 +176,7 @@ class Cloth(Sheet):
 
 
 def _dims(size: tuple[float, float]) -> tuple[int, int]:
-    """The size (dimx, dimy) in particles of a cloth of these side lengths [m]."""
+    """Returns the size (dimx, dimy) in particles of a cloth with these side lengths [m]."""
     low, high = ((dim - 1) * PARTICLE_SPACING for dim in (MIN_DIM, MAX_DIM))
     if not all(low <= side <= high for side in size):
         raise InvalidArgumentError("size", size, f"two lengths in {low:.3f}..{high:.3f} m")
@@ -186,13 +185,13 @@ def _dims(size: tuple[float, float]) -> tuple[int, int]:
 
 
 def _interpolation(particles: int, vertices: int) -> np.ndarray:
-    """Weights (particles, vertices) that place evenly spaced particles on a line of vertices."""
+    """Returns weights (particles, vertices) of evenly spaced particles on a line of vertices."""
     place = np.linspace(0, vertices - 1, particles)
     return np.maximum(1.0 - np.abs(place[:, None] - np.arange(vertices)), 0.0)
 
 
 def alternating_triangles(rows: int, columns: int) -> np.ndarray:
-    """Triangles (m, 3) of a grid whose diagonals alternate, so that no direction bends easier."""
+    """Returns triangles (m, 3) of a grid with alternating diagonals, for isotropic bending."""
     triangles = []
     for row in range(rows - 1):
         for column in range(columns - 1):

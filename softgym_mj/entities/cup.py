@@ -18,25 +18,25 @@ from softgym_mj.rendering.offscreen import GLASS_GROUP
 from softgym_mj.validation import typed
 
 _WALLS = ("floor", "left", "right", "back", "front")
-# [m] Where a handle is held: along Y from the cup's frame and above it. All cups are narrower. An
+# [m] Grip point of the handle: along Y from the cup's frame and above it. All cups are narrower. An
 # arm's wrist may be 9 cm lower than its fingers when they point ahead.
 GRIP = (0.0, 0.28, 0.2)
-# [m] Of the handle: along X, its bar upwards, beyond the grip.
+# [m] Handle: size along X, of its bar upwards, and beyond the grip.
 _THICK, _TALL, _END = 0.02, 0.05, 0.015
-HELD_WALL_MASS = 0.06  # [kg] Of each of five walls of a cup that an arm holds: hard foam.
+HELD_WALL_MASS = 0.06  # [kg] Mass of each of the five walls of a cup in a hand: hard foam.
 
 
 class Cup(Entity):
-    """A cup; its frame is at the middle of the floor slab, so that it rests half sunk at z = 0.
+    """Open cup; its frame is at the middle of the floor slab, so it rests half sunk at z = 0.
 
-    The pose is (x, z, theta): of that point [m] and the angle about +Y [rad]; positive theta tips
-    the rim towards +X. It is what mjData says (`mocap_pos`, `mocap_quat`), so it is always current
-    and theta is known within +-2 pi; that of a cup in a hand comes from the joints, and theta is
-    within +-pi. Nothing collides with a cup except water.
+    The pose is (x, z, theta): position of that point [m] and angle about +Y [rad]; positive theta
+    tips the rim towards +X. It is read from mjData (`mocap_pos`, `mocap_quat`), so it is always
+    current, with theta within +-2 pi. The pose of a cup in a hand is computed from the joints, with
+    theta within +-pi. Only water collides with a cup.
 
     Attributes:
-        body: the body that has the walls.
-        size: its inner measures; `resize` changes them.
+        body: body with the walls.
+        size: inner size; changed by `resize`.
     """
 
     @typed
@@ -44,13 +44,13 @@ class Cup(Entity):
         """Builds the cup upright at the origin.
 
         Args:
-            size: its measures.
+            size: its size.
             name: model name.
         """
         self._mjcf_root = mjcf.RootElement(model=name)
         self.body = self._mjcf_root.worldbody.add("body", name="cup")
         _add_boxes(self.body, _WALLS, group=UNSEEN_GEOMS)
-        # A body of its own: all geoms of the cup's are walls of the water.
+        # A separate body, because all geoms of the cup are walls for the water.
         add_material(self._mjcf_root, "glass", GLASS)
         self._mesh = self._mjcf_root.asset.add("mesh", name="glass")
         self.body.add("body", name="glass").add(
@@ -61,20 +61,20 @@ class Cup(Entity):
         self._set_size(size)
 
     def join(self, arena: composer.Arena) -> None:
-        """Adds the cup to the scene. A mocap body moves by its pose alone and feels no force."""
+        """Adds the cup to the scene as a mocap body, which moves by its pose alone."""
         arena.attach(self).mocap = "true"
 
     def join_hand(self, hand: composer.Entity, site: mjcf.Element) -> None:
         """Fixes the cup by a handle to a hand's site, which has the axes of the cup.
 
-        It weighs 0.3 kg, is carried by the hand's arm and passes on the forces of the water.
+        It weighs 0.3 kg and transfers the forces of the water to the arm.
         """
         hand.attach(self, site)
         self.body.pos = -np.array(GRIP)
         handle = self._mjcf_root.worldbody.add("body", name="handle", pos=self.body.pos)
         _add_boxes(handle, ("post", "bar"), rgba=GRAPHITE.rgba)
         for body in (self.body, handle):
-            body.gravcomp = 1.0  # As that of the arm, which knows what it carries.
+            body.gravcomp = 1.0  # The arm compensates the weight of its load.
         for wall in self.body.geom:
             wall.mass = HELD_WALL_MASS
         self._is_held = True
@@ -82,11 +82,11 @@ class Cup(Entity):
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
-        """What depends on the size, by name: `size` (4,), length, width, height, wall [m]."""
+        """Arrays that depend on the size: `size` (4,), length, width, height, wall [m]."""
         return {"size": np.array(dataclasses.astuple(self.size))}
 
     def resize(self, size: CupSize) -> bool:
-        """Gives the cup other measures; True when the model changed and must be recompiled."""
+        """Resizes the cup; returns True if the model changed and must be recompiled."""
         if size == self.size:
             return False
         self._set_size(size)
@@ -131,8 +131,8 @@ class Cup(Entity):
 
     @property
     def pose(self) -> np.ndarray:
-        """(x [m], z [m], theta [rad]), a fresh array (3,). It can be set unless a hand has it."""
-        if self._is_held:  # Where the hand is: a step leaves that one step behind.
+        """Pose (x [m], z [m], theta [rad]), a fresh array (3,); read-only for a cup in a hand."""
+        if self._is_held:  # Computed from the joints: after a step, mjData has the previous pose.
             mujoco.mj_kinematics(self._model, self._data)
         angle = 2.0 * math.atan2(self.quaternion[2], self.quaternion[0])
         if self._is_held:
@@ -151,18 +151,18 @@ class Cup(Entity):
         return np.array([*self.position, *self.quaternion, theta])
 
     def inside(self, points: np.ndarray) -> np.ndarray:
-        """Which points (n, 3) [m] of the world are in the cup's box, turned with it: (n,) bool."""
+        """Returns which points (n, 3) [m] of the world are in the cup's box, rotated with it."""
         return metrics.inside(points, self.whole_pose, self.arrays["size"])
 
     @property
     def foot(self) -> np.ndarray:
-        """The way (5, 2) [m] around its outer walls in top view, upright."""
+        """Closed polygon (5, 2) [m] around its outer walls in top view, upright."""
         half = np.array([self.size.length, self.size.width]) / 2 + self.size.wall
         return half * [[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]
 
 
 def _add_boxes(body: mjcf.Element, names: Sequence[str], **attributes: object) -> None:
-    """Adds boxes without mass that touch nothing; `_set_size` says where and how large."""
+    """Adds massless boxes without contact; `_set_size` sets their position and size."""
     for name in names:
         body.add(
             "geom", name=name, type="box", size=[1.0] * 3, contype=0, conaffinity=0, mass=0.0,

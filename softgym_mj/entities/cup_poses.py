@@ -1,6 +1,6 @@
-"""Poses (x [m], z [m], theta [rad]) of cups, and what they look like from the side.
+"""Poses (x [m], z [m], theta [rad]) of cups, and their outlines in the x-z plane.
 
-Functions of arrays, of one cup or of many: NumPy's or PyTorch's.
+Functions of arrays of NumPy or PyTorch, of one cup or of a batch.
 """
 
 import math
@@ -13,7 +13,7 @@ from softgym_mj.native.arithmetic import product
 
 
 def cosine_sine(theta: Array) -> tuple[Array, Array]:
-    """Of angles (...) [rad]; of NumPy those of `math`, whose bits do not depend on the machine."""
+    """Returns cosine and sine of angles (...) [rad]; NumPy's by `math`, machine-independent."""
     if is_torch_array(theta):
         xp = namespace(theta)
         return xp.cos(theta), xp.sin(theta)
@@ -24,9 +24,9 @@ def cosine_sine(theta: Array) -> tuple[Array, Array]:
 
 
 def whole_pose(pose: Array) -> Array:
-    """Position [m], quaternion (w, x, y, z) and theta [rad] of poses (..., 3): (..., 8).
+    """Returns position [m], quaternion (w, x, y, z) and theta [rad] of poses (..., 3): (..., 8).
 
-    Theta is what the quaternion says, as `Cup.pose` has it.
+    Theta is that of the quaternion, as in `Cup.pose`.
     """
     xp = namespace(pose)
     cosine, sine = cosine_sine(pose[..., 2] / 2)
@@ -40,7 +40,7 @@ def whole_pose(pose: Array) -> Array:
 
 
 def outline(size: Array, pose: Array) -> Array:
-    """Corners (..., 4, 2) [m] of the outer walls in the x-z plane, counter-clockwise.
+    """Returns corners (..., 4, 2) [m] of the outer walls in the x-z plane, counter-clockwise.
 
     Args:
         size: (..., 4) inner length, width, height and wall [m].
@@ -52,10 +52,10 @@ def outline(size: Array, pose: Array) -> Array:
 
 
 def corners(size: Array, pose: Array) -> Array:
-    """Corners (..., 4, 2) [m] in the x-z plane that SoftGym keeps above ground.
+    """Returns corners (..., 4, 2) [m] in the x-z plane that SoftGym keeps above ground.
 
-    Half the inner length to both sides; half a wall below the floor's middle and above the rim.
-    Arguments as of `outline`.
+    They are half the inner length to both sides, half a wall below the floor's middle and above the
+    rim. Arguments are those of `outline`.
     """
     length, _, height, wall = (size[..., i] for i in range(4))
     half, sill = length / 2, wall / 2
@@ -64,7 +64,7 @@ def corners(size: Array, pose: Array) -> Array:
 
 
 def _placed(points: list[list[Array]], pose: Array) -> Array:
-    """Points of the cup's x-z plane in the world's: (..., n, 2)."""
+    """Returns points (..., n, 2) of the cup's x-z plane in world coordinates."""
     xp = namespace(pose)
     places = xp.stack([xp.stack(point, axis=-1) for point in points], axis=-2)
     cosine, sine = cosine_sine(pose[..., 2])
@@ -73,7 +73,7 @@ def _placed(points: list[list[Array]], pose: Array) -> Array:
 
 
 def overlap(first: Array, second: Array) -> Array:
-    """Whether two convex polygons (..., n, 2) and (..., m, 2) have a point in common: (...)."""
+    """Returns whether (...) two convex polygons (..., n, 2) and (..., m, 2) intersect."""
     xp = namespace(first)
     apart = xp.zeros(first.shape[:-2], dtype=xp.bool, device=device(first))
     for polygon in (first, second):

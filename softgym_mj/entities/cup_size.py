@@ -1,4 +1,4 @@
-"""`CupSize`: the measures of a cup, and what it looks like."""
+"""`CupSize`: dimensions of a cup, and its mesh."""
 
 import dataclasses
 
@@ -7,20 +7,20 @@ import numpy as np
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.validation import typed
 
-# Radii as parts of a wall's thickness: of rims and feet, and of the upright edges inside.
+# Radii relative to a wall's thickness: of rims and feet, and of the upright edges inside.
 ROUNDING, INNER_ROUNDING = 0.45, 0.6
-RIM_STEPS, CORNER_STEPS = 3, 6  # Sides of the polygons that stand for a quarter of a circle.
+RIM_STEPS, CORNER_STEPS = 3, 6  # Segments of a quarter of a circle.
 
 
 @typed
 @dataclasses.dataclass(frozen=True)
 class CupSize:
-    """Measures of a cup [m].
+    """Dimensions of a cup [m].
 
     Attributes:
-        length: of the inner floor along X.
-        width: of the inner floor along Y.
-        height: of the walls above the middle of the floor slab, which is one wall thick.
+        length: inner length of the floor along X.
+        width: inner width of the floor along Y.
+        height: height of the walls above the middle of the floor slab, which is one wall thick.
         wall: thickness of walls and floor.
     """
 
@@ -41,7 +41,7 @@ class CupSize:
 
 
 def cup_mesh(size: CupSize) -> tuple[np.ndarray, np.ndarray]:
-    """The closed surface of a cup with rounded edges: vertices (n, 3) [m], triangles (m, 3)."""
+    """Returns a cup's closed surface with rounded edges: vertices (n, 3) [m], triangles (m, 3)."""
     sill, top, wall = -size.wall / 2, size.height, size.wall
     round_off = ROUNDING * wall
     # Sections from below outwards, up, over the rim, and down inside: their distance from the

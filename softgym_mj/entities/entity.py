@@ -1,4 +1,4 @@
-"""`Entity`: what has a model of its own."""
+"""`Entity`: base of everything with an MJCF model."""
 
 import inspect
 from typing import Any
@@ -7,7 +7,7 @@ from dm_control import composer, mjcf
 
 from softgym_mj.rendering.look import Look
 
-UNSEEN_GEOMS = 3  # Group of geoms that are there for contact: cameras and viewers hide it.
+UNSEEN_GEOMS = 3  # Group of collision geoms that cameras and viewers hide.
 
 
 class Entity(composer.Entity):
@@ -16,14 +16,14 @@ class Entity(composer.Entity):
     _mjcf_root: mjcf.RootElement
 
     def __init_subclass__(cls, **kwargs: Any):
-        """Has `help` show what `_build` takes: composer's constructor takes anything."""
+        """Copies the signature of `_build` to `__init__` for `help`: composer's takes anything."""
         super().__init_subclass__(**kwargs)
         build = vars(cls).get("_build")
         if build is None or "__init__" in vars(cls):
             return
         signature = inspect.signature(build)
         if any(one.kind is one.VAR_POSITIONAL for one in signature.parameters.values()):
-            return  # It passes on what the class above takes.
+            return  # The inherited signature applies.
 
         def __init__(self: Any, *args: Any, **kwargs: Any) -> None:
             super(cls, self).__init__(*args, **kwargs)
@@ -34,8 +34,8 @@ class Entity(composer.Entity):
 
     @property
     def mjcf_model(self) -> mjcf.RootElement:
-        """Its MJCF."""
+        """MJCF model of the entity."""
         return self._mjcf_root
 
     def set_look(self, look: Look) -> None:
-        """Sets how it is drawn, before it is compiled."""
+        """Sets the rendering detail, before compilation."""

@@ -1,4 +1,4 @@
-"""`Fabric`: what a sheet is made of, and how the solver and domain randomization see it."""
+"""`Fabric`: physical parameters of a sheet, for the solver and domain randomization."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -18,56 +18,57 @@ THICKNESS = 0.01
 # handle. Limper ones are mostly knits, which stretch visibly.
 AREA_DENSITY, BEND_STIFFNESS = 0.128, 1.03e-5  # [kg/m^2], [N m]
 
-# Of a grid of squares whose inner diagonals, one in each, are springs of stretch / 1.2 times a half
-# times `shear`: sheared by an angle g they get longer by l g / sqrt 2, so that the sheet resists
-# with stretch times shear / 4.8 per width and angle.
+# In a grid of squares, each with one diagonal, the diagonals are springs of stretch / 1.2 times a
+# half times `shear`: sheared by an angle g they lengthen by l g / sqrt 2, so the sheet resists with
+# stretch times shear / 4.8 per width and angle.
 _SHEAR = 4.8
-_LEAST_SHEAR = 1e-3  # That the solver takes.
-_MAY_BE_NONE = ("drag", "added_mass", "bend_weft", "bend_bias")  # Of a fabric's numbers.
+_LEAST_SHEAR = 1e-3  # The solver's lower limit.
+_MAY_BE_NONE = ("drag", "added_mass", "bend_weft", "bend_bias")  # These parameters may be 0.
 
 
 @typed
 @dataclasses.dataclass(frozen=True)
 class Fabric:
-    """What a sheet is made of; the defaults are a woven tablecloth.
+    """Physical parameters of a sheet; the defaults are a woven tablecloth.
 
     Attributes:
         stretch_stiffness: force per width and strain [N/m].
         shear: stiffness along the mesh's diagonals as a share of that along its other edges.
         bend_stiffness: moment per width and curvature [N m].
-        bend_weft: of a sheet that bends as a plate the same along Y, where `bend_stiffness` is
-            along X, of the sheet when it is built; a grid also stretches by what it says then. 0
-            for one whose edges resist alike: that is what the tasks' cloth does, and it is stiffer
-            than it says where it bends sharply, and stretches more easily by an eighth where it is
-            soft.
-        bend_bias: of a plate at 45 degrees between them; 0 for the mean of both.
+        bend_weft: if above 0, the sheet bends as an anisotropic plate with this stiffness along Y
+            and `bend_stiffness` along X of the sheet when it is built, and a grid stretches by
+            exactly the nominal stiffness. 0, as for the tasks' cloth, for equal bending of all
+            edges: stiffer than nominal at sharp bends, and an eighth more compliant in stretch
+            where it is soft.
+        bend_bias: bending stiffness of a plate at 45 degrees between them; 0 for the mean of both.
         stretch_damping, bend_damping: dashpots as a multiple of the stiffness [s].
-        density: mass of a unit of area [kg/m^2].
-        thickness: that layers keep; on the floor, vertices are half as high [m].
-        friction: on the floor.
-        layer_friction: between layers.
-        drag: coefficient of the air's drag on what moves along its normal; 0 is without air.
-        added_mass: air that it takes along when it moves along its normal [kg/m^2]; of a strip of
-            width w in the open pi/4 w 1.2 kg/m^3. It needs time: folds are slow in it.
+        density: mass per area [kg/m^2].
+        thickness: distance of layers; on the floor, vertices are at half of it [m].
+        friction: friction coefficient on the floor.
+        layer_friction: friction coefficient between layers.
+        drag: drag coefficient of air for motion along the normal; 0 without air.
+        added_mass: mass of air that moves with the sheet along its normal [kg/m^2]; for a free
+            strip of width w, pi/4 w 1.2 kg/m^3. It slows folds down.
 
     Raises:
         InvalidArgumentError: unless all are finite and above 0, or 0 where that is allowed.
     """
 
-    # A tenth of the real one, about what a sheet so light can have in substeps of 0.4 ms. Strain
-    # stays below 3 % at 0.6 m/s.
+    # A tenth of the real stiffness, about the largest for a sheet so light with substeps of 0.4 ms.
+    # Strain stays below 3 % at 0.6 m/s.
     stretch_stiffness: float = 400.0
-    shear: float = 0.3  # Real ones are ten times less; folds keep their shape too badly at 3 cm.
+    # Real values are ten times smaller, but then folds do not keep their shape at 3 cm.
+    shear: float = 0.3
     bend_stiffness: float = BEND_STIFFNESS
     stretch_damping: float = 1e-3
     bend_damping: float = 0.05
     density: float = AREA_DENSITY
     thickness: float = THICKNESS
-    # SoftGym has 0.75 and freezes what is slower than 2 cm/s; with 0.75 alone some piles spread by
-    # a fifth in 8 s of doing nothing.
+    # SoftGym has 0.75 and freezes vertices slower than 2 cm/s; with 0.75 alone some piles spread by
+    # a fifth in 8 s at rest.
     friction: float = 1.0
     layer_friction: float = 0.75
-    drag: float = 1.2  # Of a plate across the flow.
+    drag: float = 1.2  # Drag coefficient of a plate across the flow.
     added_mass: float = 0.0
     bend_weft: float = 0.0
     bend_bias: float = 0.0
@@ -81,22 +82,22 @@ class Fabric:
     def named(
         cls, name: str, *, anisotropic: bool = False, measured_shear: bool = False
     ) -> "Fabric":
-        """A fabric that others measured, as far as a sheet can be made of it.
+        """Returns a measured fabric, as far as a sheet can represent it.
 
-        It bends as a plate: a strip of it hangs as one of the fabric does, whatever its mesh
-        (`softgym-mj validate lab`). Stretch is the mean of both directions. Dampings and thickness
-        are those of the default, and so is `shear`: what is published is softer than a mesh of 3 cm
-        can follow, and folds keep their shape badly with it.
+        It bends as a plate: a strip of it hangs as the fabric does, whatever its mesh (`softgym-mj
+        validate lab`). Stretch is the mean of both directions. Damping, thickness and `shear` are
+        the defaults: a mesh of 3 cm cannot follow the published shear stiffness, and its folds
+        would not keep their shape.
 
         Args:
-            name: of `softgym_mj.cloth.fabrics.FABRICS`.
+            name: name in `softgym_mj.cloth.fabrics.FABRICS`.
             anisotropic: whether it bends along warp (X of the sheet when it is built), bias and
-                weft as was measured; else alike, by the mean of these.
-            measured_shear: whether `shear` is such that the sheet resists shear as was measured, as
-                far as that goes.
+                weft as measured; else equally, by their mean.
+            measured_shear: whether `shear` reproduces the measured shear stiffness, as far as
+                possible.
 
         Raises:
-            InvalidArgumentError: if there is none of this name.
+            InvalidArgumentError: if there is no such fabric.
         """
         data = fabrics.named(name)
         warp, bias, weft = data.bending if anisotropic else (data.mean_bending,) * 3
@@ -115,7 +116,7 @@ class Fabric:
         )
 
     def bent(self, stiffness: float) -> "Fabric":
-        """The same one with another `bend_stiffness` [N m], and those of a plate in proportion."""
+        """Returns a copy with another `bend_stiffness` [N m]; others of a plate are scaled."""
         factor = stiffness / self.bend_stiffness
         return dataclasses.replace(
             self,
@@ -125,12 +126,12 @@ class Fabric:
         )
 
     def material(self) -> dict[str, float]:
-        """What the solver is told of it, by the names of `solver.Material`."""
+        """Returns attributes of `solver.Material` by name."""
         return solver_material(dataclasses.asdict(self))
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Domain parameters of a sheet that is made of it."""
+        """Returns the domain parameters of a sheet of this fabric."""
         return (
             scaled(
                 "stretch_stiffness", "N/m", self.stretch_stiffness, 1.4, 2.0,
@@ -165,32 +166,31 @@ class Fabric:
         )  # fmt: skip
 
 
-_MOST_BEND = 1e-3  # [N m] Stiffer than any fabric.
+_MOST_BEND = 1e-3  # [N m] Upper limit, stiffer than any fabric.
 
 
 def _of_plates(name: str, nominal: float, summary: str) -> Parameter:
-    """A stiffness that presets leave alone, unless the sheet is nominally a plate."""
+    """Returns a stiffness parameter that presets do not vary, unless the sheet is a plate."""
     if nominal > 0.0:
         return scaled(name, "N m", nominal, 2.0, 5.0, summary)
     return Parameter(name, "N m", 0.0, (0.0, 0.0), (0.0, _MOST_BEND), summary)
 
 
-def _told(shear: float) -> float:
-    """What a grid has to be told of stretch for what it is to show, as a factor.
+def _stretch_factor(shear: float) -> float:
+    """Returns the factor on a grid's stretch stiffness that yields the nominal one.
 
-    Its lines are springs of stretch / 1.2 a width. Of a cell its diagonal adds shear / 4 of that to
-    what it resists along the lines, and as much to what it pulls across them; a strip is free to
-    get narrower.
+    Its lines are springs of stretch / 1.2 a width. A cell's diagonal adds shear / 4 of that along
+    the lines and pulls as much across them, while a strip is free to contract.
     """
     along, across = 1.0 + shear / 4.0, shear / 4.0
     return 1.2 / (along - across**2 / along)
 
 
 def solver_material(values: Mapping[str, float]) -> dict[str, float]:
-    """The attributes of `solver.Material`, by name, for those of a `Fabric`, by name."""
+    """Returns attributes of `solver.Material` by name, for those of a `Fabric` by name."""
     stretch = values["stretch_stiffness"]
     if values["bend_weft"] > 0.0:
-        stretch *= _told(values["shear"])
+        stretch *= _stretch_factor(values["shear"])
     return {
         "stretch": stretch,
         "shear": values["shear"],

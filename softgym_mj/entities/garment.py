@@ -14,24 +14,25 @@ from softgym_mj.native.arithmetic import product
 from softgym_mj.rendering.skins import refined
 from softgym_mj.validation import typed
 
-HEMMED = 0.05  # Part of the weave's picture at its sides that has a hem: it is cut off.
+HEMMED = 0.05  # Share of the weave's texture at its sides that shows a hem and is cut off.
 
-# Meshes with more vertices are drawn as they are: weights of a finer skin would take gigabytes.
+# Meshes with more vertices are not refined for rendering: weights of a finer skin would take
+# gigabytes.
 MOST_REFINED = 2000
-# [bytes] What MuJoCo's collision detection needs: the bodies' pairs, twice what it asks for.
+# [bytes] Memory for MuJoCo's collision detection: twice what the pairs of bodies require.
 _LEAST_MEMORY, _MEMORY_OF_PAIR = 2**24, 4
 
 
 class Garment(Sheet):
-    """A sheet with the vertices and triangles of a mesh file, drawn in two colours.
+    """Sheet with the vertices and triangles of a mesh file, drawn in two colors.
 
-    The shape in the file is the one in which no edge is stretched; bending forces flatten it. The
-    mesh is repaired as `read_mesh` says. Slim triangles, edges of any length, holes, and parts that
-    are not connected are allowed; a warning says what of these limits how the garment moves. What
-    passes through itself in the file stays entangled: `intersections()` counts it.
+    No edge is stretched in the shape of the file; bending forces flatten it. The mesh is repaired
+    as in `read_mesh`. Slim triangles, edges of any length, holes, and unconnected parts are
+    allowed; a warning names those that limit the simulation. Self-intersections of the file stay
+    entangled: `intersections()` counts them.
 
     Attributes:
-        area: of all its triangles [m^2].
+        area: area of all triangles [m^2].
     """
 
     @typed
@@ -47,15 +48,13 @@ class Garment(Sheet):
         """Builds the garment.
 
         Args:
-            file: an OBJ, OFF, PLY or STL file of up to 5000 vertices, as in `read_mesh`. Layers
-                that lie upon each other have to be its thickness apart, but where they are sewn
-                together.
-            scale: meters in a unit of the file: 0.001 for millimeters.
-            fabric: what it is made of; None for a woven tablecloth. Layers rest closer at triangles
-                lower than 1.1 times its thickness, and folds are coarse where edges are longer than
-                6 times.
-            colors: (r, g, b, a) in 0..1 of the side on which triangles are counter-clockwise, and
-                of the other side.
+            file: an OBJ, OFF, PLY or STL file of up to 5000 vertices, as in `read_mesh`. Layers on
+                top of each other must be one thickness apart, except where they are sewn together.
+            scale: meters per unit of the file: 0.001 for millimeters.
+            fabric: fabric; None for a woven tablecloth. Layers rest closer at triangles lower than
+                1.1 times its thickness, and folds are coarse at edges longer than 6 times.
+            colors: (r, g, b, a) in 0..1 of the side with counter-clockwise triangles, and of the
+                other.
             name: model name.
 
         Raises:
@@ -74,10 +73,10 @@ class Garment(Sheet):
         self._set_mesh(points, triangles)
 
     def laid(self, centre: tuple[float, float] = (0.0, 0.0), angle: float = 0.0) -> np.ndarray:
-        """Vertex positions (num_points, 3) [m] in the shape of the file, on the floor.
+        """Returns vertex positions (num_points, 3) [m] in the shape of the file, on the floor.
 
         Args:
-            centre: (X, Y) [m] of the middle of its bounding box before it is turned.
+            centre: (X, Y) [m] of the middle of its bounding box before rotation.
             angle: rotation about +Z [rad].
         """
         low, high = self._rest_points.min(axis=0), self._rest_points.max(axis=0)

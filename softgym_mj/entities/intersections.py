@@ -1,10 +1,10 @@
-"""Where a mesh passes through itself."""
+"""Self-intersections of a mesh."""
 
 import numpy as np
 
 
 def count_intersections(vertices: np.ndarray, edges: np.ndarray, triangles: np.ndarray) -> int:
-    """Number of (edge, triangle) pairs of a mesh that cross without sharing a vertex.
+    """Returns the number of intersecting (edge, triangle) pairs that share no vertex.
 
     Args:
         vertices: (n, 3) positions [m].
@@ -29,7 +29,7 @@ def count_intersections(vertices: np.ndarray, edges: np.ndarray, triangles: np.n
 
 
 def _segment_hits(segments: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Whether each segment (n, 2, 3) crosses the triangle (n, 3, 3) of the same row."""
+    """Returns whether each segment (n, 2, 3) crosses the triangle (n, 3, 3) of the same row."""
     start, direction = segments[:, 0], segments[:, 1] - segments[:, 0]
     side_a, side_b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     # Moeller and Trumbore (1997): solve start + t direction = corner + u side_a + v side_b.

@@ -1,4 +1,4 @@
-"""The lights of a scene."""
+"""Lights of a scene."""
 
 import dataclasses
 import math
@@ -11,19 +11,20 @@ from softgym_mj.rendering.look import Light, Look
 from softgym_mj.variations.parametric import Parametric
 from softgym_mj.variations.randomization import Parameter, choice, chosen, scaled, shifted
 
-DISTANCE = 3.0  # [m] Of the lights from the middle of what happens.
-WHITE = 6500.0  # [K] Daylight, which cameras show as white.
+DISTANCE = 3.0  # [m] Distance of the lights from the middle of the scene.
+WHITE = 6500.0  # [K] Daylight: the white balance of cameras.
 _PLANCK = 0.014388  # [m K] Second radiation constant.
-_WAVELENGTHS = np.array([600e-9, 550e-9, 450e-9])  # [m] Of red, green and blue.
+_WAVELENGTHS = np.array([600e-9, 550e-9, 450e-9])  # [m] Red, green and blue.
 LAMPS = ("none", "one", "two")
 # Of these: brightness, temperature [K], elevation [deg].
 BRIGHTNESS, TEMPERATURE, ELEVATION = (0.08, 0.25), (2800.0, 8000.0), (20.0, 70.0)
 
 
 def warmth(temperature: float) -> np.ndarray:
-    """Factors (3,) to a light's colour as a black body of that temperature [K] has it.
+    """Returns factors (3,) on a light's color for a black body of a temperature [K].
 
-    Planck's law against `WHITE`, at the same brightness of green; pixels are powers of light.
+    They follow Planck's law relative to `WHITE`, at the same brightness of green; pixel values are
+    powers of light.
     """
     exponents = _PLANCK / _WAVELENGTHS
     ratios = np.expm1(exponents / WHITE) / np.expm1(exponents / temperature)
@@ -31,7 +32,7 @@ def warmth(temperature: float) -> np.ndarray:
 
 
 def lamps(number: int, seed: int) -> list[Light]:
-    """So many lamps with shadow, somewhere."""
+    """Returns a number of random lamps with shadows."""
     random = np.random.Generator(np.random.PCG64(seed))
     found = []
     for i in range(number):
@@ -43,7 +44,7 @@ def lamps(number: int, seed: int) -> list[Light]:
 
 
 class Lights(Parametric):
-    """The lights: where they stand depends on where the task's camera does."""
+    """Lights, placed relative to the task's camera."""
 
     parameters = (
         shifted("light_azimuth", "deg", 40.0, 150.0, "turn of the key light about Z", "visual"),
@@ -61,13 +62,13 @@ class Lights(Parametric):
     )  # fmt: skip
 
     def __init__(self, root: mjcf.RootElement, middle: float, camera: float, look: Look):
-        """Adds them to a model.
+        """Adds the lights to a model.
 
         Args:
             root: the model.
-            middle: X [m] of what they shine at.
+            middle: X [m] of the point that they illuminate.
             camera: azimuth of the task's camera [rad].
-            look: how fine shadows are.
+            look: rendering detail of shadows.
         """
         self._root, self._middle = root, middle
         quality, headlight = root.visual.quality, root.visual.headlight

@@ -1,7 +1,7 @@
-"""Marks that show a goal to people: drawn, felt by nothing, and not in images of observations.
+"""Marks of a goal: visible, without contact, and hidden in images of observations.
 
-They are sites, which `CameraView` leaves out for observations. They are moved by writing the model,
-where the compiler has noted that their frames are those of their bodies: that note has to go.
+They are sites, which `CameraView` hides in observations. They are moved by writing the model; the
+compiler's note that their frames are those of their bodies is cleared for that.
 """
 
 import math
@@ -16,19 +16,19 @@ from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.validation import typed
 
 LINE_COLOR = (0.1, 0.7, 0.3, 0.8)  # Green: cloths, ropes and water have other colours.
-LINE_WIDTH, LINE_HEIGHT = 0.006, 0.002  # [m] Of a line on the floor; half of its height shows.
-OUTLINE_WIDTH = 0.012  # [m] Of what is seen from further away, or has half of it covered.
+LINE_WIDTH, LINE_HEIGHT = 0.006, 0.002  # [m] Line on the floor; half of its height is visible.
+OUTLINE_WIDTH = 0.012  # [m] Width of outlines that are seen from afar or half covered.
 LEVEL_COLOR = (1.0, 0.0, 0.0, 1.0)  # SoftGym's red.
-LEVEL_HALF = 0.0025  # [m] Half of its thickness (docs/softgym.md 3.3).
+LEVEL_HALF = 0.0025  # [m] Half of the bar's thickness (docs/softgym.md 3.3).
 
 
 class Mark(Entity):
-    """Flat boxes. Attach it at the world frame."""
+    """Mark of flat boxes; attach it at the world frame."""
 
     def _add_boxes(
         self, name: str, boxes: Sequence[str], size: Sequence[float], color: Sequence[float]
     ) -> None:
-        """To be called in a subclass's `_build`, with the names of the model and its boxes."""
+        """Adds boxes; to be called in a subclass's `_build` with names of model and boxes."""
         self._mjcf_root, self._names = mjcf.RootElement(model=name), boxes
         for box in boxes:
             self._mjcf_root.worldbody.add(
@@ -43,9 +43,9 @@ class Mark(Entity):
 
 
 class GoalLine(Mark):
-    """A tape on the floor: where a rope ought to lie, around what a cloth ought to cover.
+    """Tape on the floor: the goal of a rope, or the outline of a cloth's goal.
 
-    It is made of flat boxes, which a software renderer draws much faster than capsules.
+    It consists of flat boxes, which a software renderer draws much faster than capsules.
     """
 
     @typed
@@ -54,7 +54,7 @@ class GoalLine(Mark):
 
         Args:
             num_points: number of its points, 2 or more.
-            width: of the line [m].
+            width: width of the line [m].
             name: model name.
         """
         boxes = [f"{i}" for i in range(num_points - 1)]
@@ -78,7 +78,7 @@ class GoalLine(Mark):
 
 
 class LevelMark(Mark):
-    """A thin red bar along Y: how high water ought to stand."""
+    """Thin red bar along Y at the goal height of water."""
 
     def _build(self, name: str = "level"):
         self._add_boxes(name, ["bar"], [LEVEL_HALF] * 3, LEVEL_COLOR)

@@ -1,4 +1,4 @@
-"""Reads the mesh of a sheet from a file and repairs what the solver cannot move."""
+"""Reads the mesh of a sheet from a file and repairs what the solver cannot simulate."""
 
 import os
 import pathlib
@@ -11,14 +11,14 @@ from softgym_mj.exceptions import InvalidArgumentError, check_number
 from softgym_mj.validation import typed
 
 SUFFIXES = (".obj", ".off", ".ply", ".stl")
-# [m] Vertices that are nearer are joined: cloth passes through triangles that are lower.
+# [m] Closer vertices are merged: cloth passes through lower triangles.
 JOINED = 1e-4
-# [m] Longest side of a garment's bounding box. Smaller ones have no two thicknesses; a king-size
+# [m] Longest side of a garment's bounding box. Smaller ones are below two thicknesses; a king-size
 # sheet has 2.8 m.
 SMALLEST, LARGEST = 0.02, 5.0
-MOST_VERTICES = 5000  # A step of 5000 takes 0.2 s, and memory grows with their square.
+MOST_VERTICES = 5000  # With 5000 a step takes 0.2 s, and memory grows with their square.
 UNITS = {"millimeters": 0.001, "centimeters": 0.01}
-_USUAL = (0.3, 2.0)  # [m] Longest side of what people wear, by which units are recognized.
+_USUAL = (0.3, 2.0)  # [m] Longest side of clothes, from which units are guessed.
 # Lowest triangles and longest edges in thicknesses without a warning. Layers rest closer at lower
 # triangles (the solver's kMaxThickness); longer edges make folds coarse. Cloths' have 2 to 4.
 LOWEST_TRIANGLE, LONGEST_EDGE = 1.0 / 0.9, 6.0
@@ -28,14 +28,13 @@ LOWEST_TRIANGLE, LONGEST_EDGE = 1.0 / 0.9, 6.0
 def read_mesh(file: str | os.PathLike, scale: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
     """Returns the vertices (n, 3) [m] and triangles (m, 3) of a mesh file, repaired.
 
-    trimesh reads the file. Polygons become triangles, all objects of the file are one mesh,
-    vertices less than 0.1 mm apart are joined, and vertices without a triangle are left out.
-    Triangles that have lost a corner by this, and all but the first of those with the same three
-    corners, are left out with a warning that says how many.
+    trimesh reads the file. Polygons become triangles, all objects of the file become one mesh,
+    vertices less than 0.1 mm apart are merged, and unused vertices are removed. Triangles that
+    collapse in this way and duplicate triangles are removed, with a warning that counts them.
 
     Args:
         file: an OBJ, OFF, PLY or STL file.
-        scale: meters in a unit of the file.
+        scale: meters per unit of the file.
 
     Raises:
         InvalidArgumentError: if there is no such file, it has no triangles or a number that is not
@@ -45,7 +44,7 @@ def read_mesh(file: str | os.PathLike, scale: float = 1.0) -> tuple[np.ndarray, 
     check_number("scale", scale, gt=0.0)
     path = pathlib.Path(file).resolve()
     points, triangles = _load(path)
-    # Files of STL, and MuJoCo, have float32 numbers.
+    # STL files and MuJoCo have float32 numbers.
     points = points.astype(np.float32).astype(np.float64) * scale
     used = points[np.unique(triangles)]
     if not np.isfinite(used).all():
@@ -75,8 +74,8 @@ def _load(path: pathlib.Path) -> tuple[np.ndarray, np.ndarray]:
 
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # Of textures that are not complete.
-            # Nothing is merged here: `_joined` keeps the order of vertices.
+            warnings.simplefilter("ignore", RuntimeWarning)  # Incomplete textures cause warnings.
+            # trimesh merges nothing: `_joined` keeps the order of vertices.
             mesh = trimesh.load_mesh(path, process=False, maintain_order=True, skip_materials=True)
     except (ValueError, LookupError, TypeError, AttributeError) as error:
         raise InvalidArgumentError(f"trimesh cannot read file={str(path)!r}: {error}") from error
@@ -99,9 +98,9 @@ def _check_size(path: pathlib.Path, size: float, scale: float) -> None:
 
 
 def _joined(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
-    """Points, triangles, and how many triangles are left out."""
+    """Returns points and triangles after merging, and the number of removed triangles."""
     count = len(points)
-    # Equal ones first: a place with thousands of vertices has millions of pairs.
+    # Duplicates are merged first: a place with thousands of vertices has millions of pairs.
     _, first, place = np.unique(points, axis=0, return_index=True, return_inverse=True)
     pairs = spatial.cKDTree(points[first]).query_pairs(JOINED, output_type="ndarray")
     links = np.concatenate(
@@ -120,7 +119,7 @@ def _joined(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def mesh_warnings(points: np.ndarray, triangles: np.ndarray, thickness: float) -> list[str]:
-    """Returns what a user should know of a mesh as a sheet so thick [m], each a sentence."""
+    """Returns warnings about a mesh as a sheet of a thickness [m], each a sentence."""
     pairs = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1).reshape(-1, 2))
     edges, counts = np.unique(pairs, axis=0, return_counts=True)
     lengths = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)

@@ -1,4 +1,4 @@
-"""A table in a room: seen, and felt by nothing."""
+"""Table and room: visible, without contact."""
 
 import functools
 from collections.abc import Callable, Sequence
@@ -11,14 +11,14 @@ from softgym_mj.rendering.textures import granite, plaster, printed, tiles, wood
 from softgym_mj.variations.parametric import Parametric
 from softgym_mj.variations.randomization import Parameter, choice, chosen, scaled, shifted, tinted
 
-# [m] Of the table: half its sides, its top's thickness, its height above the floor of the room.
+# [m] Table: half its sides, thickness of its top, height above the floor of the room.
 HALF_SIDES, TOP, HEIGHT = (1.3, 1.1), 0.04, 0.75
-# Of the room: a plane that vanishes in haze, and a box whose far edge is seen but which is drawn in
-# half the time.
+# Room: a plane that vanishes in haze, or a box with a visible far edge that renders in half the
+# time.
 ENDLESS: dict[str, object] = {"type": "plane", "size": [0.0, 0.0, 0.1]}
 LARGE: dict[str, object] = {"type": "box", "size": [15.0, 15.0, 0.001]}
-SHEET = 0.002  # [m] Thickness of the laminate upon it.
-# What the table may be of, and its colour: two metres of it are one picture.
+SHEET = 0.002  # [m] Thickness of the laminate on the table.
+# Materials and colors of the table; a texture covers two meters.
 TABLES: dict[str, tuple[Callable[..., mjcf.Asset], Color]] = {
     "plaster": (plaster, looks.TABLE.rgba[:3]),
     "wood": (wood, (0.72, 0.57, 0.42)),
@@ -27,7 +27,7 @@ TABLES: dict[str, tuple[Callable[..., mjcf.Asset], Color]] = {
     "stripes": (functools.partial(printed, name="stripes"), (0.70, 0.74, 0.70)),
     "checks": (functools.partial(printed, name="checks"), (0.76, 0.71, 0.66)),
 }
-_SEEN = {"contype": 0, "conaffinity": 0, "mass": 0.0}  # Of geoms.
+_SEEN = {"contype": 0, "conaffinity": 0, "mass": 0.0}  # Attributes of visible geoms.
 
 
 def add_material(root: mjcf.RootElement, name: str, surface: Surface, **texture: object) -> None:
@@ -35,8 +35,8 @@ def add_material(root: mjcf.RootElement, name: str, surface: Surface, **texture:
 
     Args:
         root: the model.
-        name: of the material.
-        surface: what it looks like.
+        name: name of the material.
+        surface: its appearance.
         **texture: further attributes.
     """
     root.asset.add(
@@ -46,7 +46,7 @@ def add_material(root: mjcf.RootElement, name: str, surface: Surface, **texture:
 
 
 class Room(Parametric):
-    """A table whose top is at z = 0, and what is around it."""
+    """Table with its top at z = 0, and the room around it."""
 
     parameters = (
         chosen("table_pattern", tuple(TABLES), 3, "of the table"),
@@ -72,12 +72,12 @@ class Room(Parametric):
     )  # fmt: skip
 
     def __init__(self, root: mjcf.RootElement, middle: float, look: Look):
-        """Adds it to a model.
+        """Adds the room to a model.
 
         Args:
             root: the model.
             middle: X [m] of the middle of the table.
-            look: how fine textures are.
+            look: rendering detail of textures.
         """
         self._root, self._size = root, look.texture_size
         self._sky = root.asset.add(

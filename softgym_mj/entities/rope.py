@@ -16,20 +16,21 @@ from softgym_mj.rendering.textures import strands
 from softgym_mj.validation import typed
 from softgym_mj.variations.randomization import Parameter, choice, chosen, scaled, shifted, tinted
 
-# [m] Natural length. SoftGym calls this straight; its own relaxed rope is 7.5 % longer.
+# [m] Natural length. SoftGym counts a rope of this length as straight; its own relaxed rope is 7.5
+# % longer.
 LENGTH = 0.5
-# Number of vertices; SoftGym has 41. Neighbours must be two radii apart, or else every second edge
-# of a straight rope would collide: the "accurate" rope is thinner, 8.3 mm instead of 12.5 mm.
+# Number of vertices; SoftGym has 41. Neighbors must be two radii apart, or every second edge of a
+# straight rope would collide: the "accurate" rope is thinner, 8.3 mm instead of 12.5 mm.
 FIDELITIES = {"fast": 31, "default": 41, "accurate": 61}
 NUM_KEY_POINTS = 10
 RADIUS = 0.00625  # [m] SoftGym's drawn radius; here it is the contact radius too.
 MASS = 0.05  # [kg], 0.1 kg/m: a cotton rope of this diameter.
-# [N m^2] Of a soft cotton rope. With ten times more a third of the twisted initial states spring
-# back to nearly straight.
+# [N m^2] Soft cotton rope. With ten times more, a third of the twisted initial states spring back
+# to nearly straight.
 BEND_STIFFNESS = 1.2e-5
 STRETCH_STIFFNESS = 800.0  # [N] It stretches by 0.06 % under its own weight.
 STRETCH_DAMPING = 5e-4  # [s]
-BEND_DAMPING = 0.01  # [s] With less, one tight knot in a thousand trembles for ever.
+BEND_DAMPING = 0.01  # [s] With less, one tight knot in a thousand trembles forever.
 FRICTION = 1.0  # SoftGym's friction of the rope against shapes and floor.
 COLOR = (0.05, 0.25, 0.68, 1.0)  # SoftGym's blue, darker: it stands out from a bright table.
 
@@ -46,7 +47,7 @@ PARAMETERS = (
 
 
 class Rope(Flex):
-    """A rope; at rest it lies along +X, centred at the origin.
+    """A rope; at rest it lies along +X, centered at the origin.
 
     Attributes:
         key_points: vertex indices (10,), evenly spaced from end to end; SoftGym's are 0, 4, ...,
@@ -54,10 +55,11 @@ class Rope(Flex):
     """
 
     parameters = PARAMETERS
-    # Of a taut rope less than a cloth's: in a tangle some pieces stretch by twice as much.
+    # Less than a cloth's: in a tangle some pieces stretch by twice as much.
     hold_stretch = 0.03
-    hold_force = 30.0  # [N] Which stretches it by as much as `hold_stretch` allows, and some more.
-    hold_lag = 0.04  # [m] A step's way and two strands: it is caught in a tangle.
+    hold_force = 30.0  # [N] It stretches the rope by slightly more than `hold_stretch`.
+    # [m] The motion of a step and two strands: beyond, the rope is caught in a tangle.
+    max_tracking_error = 0.04
 
     @typed
     def _build(self, fidelity: str = "default", color: Color = COLOR, name: str = "rope"):
@@ -101,7 +103,7 @@ class Rope(Flex):
         faces, texcoords = tube_faces(
             number, sides=shape["sides"], rings_per_edge=shape["rings_per_edge"]
         )
-        # The texture winds as the strands do.
+        # The texture winds with the strands.
         texcoords[:, 0] -= texcoords[:, 1] * ROPE.twist * LENGTH / (2.0 * math.pi)
         self._mjcf_root.deformable.skin.clear()
         self._mjcf_root.deformable.add(
@@ -134,10 +136,10 @@ class Rope(Flex):
         return 0, self.num_points - 1
 
     def straight(self) -> np.ndarray:
-        """Vertex positions (num_points, 3) [m] of the straight rope on the floor."""
+        """Returns vertex positions (num_points, 3) [m] of the straight rope on the floor."""
         return self._rest_points + np.array([0.0, 0.0, self.radius])
 
     def end_distance(self) -> float:
-        """Distance [m] between the two end vertices."""
+        """Returns the distance [m] between the two end vertices."""
         first, last = self.ends
         return math.dist(self.vertex(first), self.vertex(last))

@@ -1,4 +1,4 @@
-"""`Sheet`: a two-dimensional flex with two coloured sides, the base of `Cloth` and `Garment`."""
+"""`Sheet`: a two-dimensional flex with two colored sides, the base of `Cloth` and `Garment`."""
 
 import abc
 import math
@@ -16,13 +16,13 @@ from softgym_mj.rendering.skins import HIDDEN_FLEXES, SkinFile, closed
 from softgym_mj.rendering.textures import weave
 from softgym_mj.variations.randomization import choice, tinted
 
-FRONT_COLOR = (0.80, 0.14, 0.33, 1.0)  # Raspberry and cream: as far apart as SoftGym's
-BACK_COLOR = (0.93, 0.79, 0.56, 1.0)  # pink and orange, and in tone, too.
-SKIN_OFFSET = 0.0015  # [m] Of each drawn side from the mid-surface.
+FRONT_COLOR = (0.80, 0.14, 0.33, 1.0)  # Raspberry and cream: the contrast of SoftGym's
+BACK_COLOR = (0.93, 0.79, 0.56, 1.0)  # pink and orange, in hue and in lightness.
+SKIN_OFFSET = 0.0015  # [m] Distance of each rendered side from the mid-surface.
 
 
 class Sheet(Flex):
-    """Triangles that stretch and bend, drawn as a closed skin with two sides.
+    """Triangles that stretch and bend, rendered as a closed skin with two sides.
 
     Attributes:
         triangles: vertex indices (num_triangles, 3).
@@ -35,13 +35,13 @@ class Sheet(Flex):
         colors: tuple[Color, Color] = (FRONT_COLOR, BACK_COLOR),
         has_strip: bool = False,
     ) -> None:
-        """To be called first in a subclass's `_build`.
+        """Starts the model; to be called first in a subclass's `_build`.
 
         Args:
             name: model name.
-            fabric: what it is made of; None for a woven tablecloth.
+            fabric: fabric; None for a woven tablecloth.
             colors: (r, g, b, a) in 0..1 of the front and the back.
-            has_strip: whether a strip of it has the other side's colour.
+            has_strip: whether a strip has the other side's color.
         """
         self._colors, self._has_strip, self._look = colors, has_strip, FAST
         self.parameters = (Fabric() if fabric is None else fabric).parameters
@@ -56,16 +56,16 @@ class Sheet(Flex):
             self._set_parameters()
 
     def intersections(self) -> int:
-        """Number of places where the sheet passes through itself now (some milliseconds)."""
+        """Returns the number of self-intersections of the sheet (takes some milliseconds)."""
         return count_intersections(self.points(), self.edges, self.triangles)
 
     def _set_mesh(self, points: np.ndarray, triangles: np.ndarray) -> None:
-        """(Re)places the mesh by `points` (n, 3) [m] and `triangles` (m, 3)."""
+        """Replaces the mesh by `points` (n, 3) [m] and `triangles` (m, 3)."""
         self.triangles = triangles
         radius, rgba = self._values["thickness"] / 2.0, self._colors[0]
         flexcomp = self._add_flexcomp(points, triangles, radius=radius, rgba=rgba)
         flexcomp.contact.condim = 3
-        flexcomp.group = HIDDEN_FLEXES  # The skin shows it.
+        flexcomp.group = HIDDEN_FLEXES  # The skin is rendered instead.
         self._set_skin()
         self._set_parameters()
 
@@ -105,19 +105,19 @@ class Sheet(Flex):
 
     @abc.abstractmethod
     def _mass(self, density: float) -> float:
-        """Mass [kg] of the sheet with so many [kg/m^2]."""
+        """Returns the mass [kg] of the sheet for a mass per area [kg/m^2]."""
 
     @abc.abstractmethod
     def _skin(self, refinement: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """What is drawn: edges are `refinement` times shorter than those of the mesh.
+        """Returns the rendered mesh, with edges `refinement` times shorter than those of the flex.
 
         Returns:
-            Weights (n, num_points) of the vertices of the mesh in those that are drawn, triangles
-            (m, 3) counter-clockwise from the front, texture coordinates (n, 2) in 0..1.
+            Weights (n, num_points) of flex vertices in rendered vertices, triangles (m, 3)
+            counter-clockwise from the front, texture coordinates (n, 2) in 0..1.
         """
 
     def _turned(self, points: np.ndarray, centre: tuple[float, float], angle: float) -> np.ndarray:
-        """Points (n, 3) [m], turned about +Z by an angle [rad] and moved to where a sheet lies.
+        """Returns points (n, 3) [m] rotated about +Z by an angle [rad] and moved onto the floor.
 
         The origin goes to `centre` (X, Y) [m], at the resting height.
         """

@@ -1,4 +1,4 @@
-"""From where scenes are looked at; `tools/cameras.py` has found what the tasks look from."""
+"""Camera views of scenes; `tools/cameras.py` optimized those of the tasks."""
 
 import dataclasses
 import math
@@ -11,16 +11,17 @@ from scipy.spatial.transform import Rotation
 from softgym_mj.exceptions import InvalidArgumentError, check_number
 from softgym_mj.validation import typed
 
-FIELD_OF_VIEW = 45.0  # [deg] SoftGym's.
-# Of the external cameras [deg]: vertical, of the colours of a RealSense D435, to which its depth is
-# aligned; azimuths from the task's camera, between those where arms stand; above the table.
+FIELD_OF_VIEW = 45.0  # [deg] Vertical field of view in SoftGym.
+# External cameras [deg]: vertical field of view of the colors of a RealSense D435, to which its
+# depth is aligned; azimuths from the task's camera, between those of arms; elevation above the
+# table.
 EXTERNAL_FIELD_OF_VIEW, EXTERNAL_AZIMUTHS, EXTERNAL_ELEVATION = 42.0, (-135.0, 45.0), 40.0
 
 
 @typed
 @dataclasses.dataclass(frozen=True)
 class CameraPose:
-    """A fixed camera in the world frame: where it is, how it is turned, how much it sees.
+    """Fixed camera in the world frame: position, orientation and field of view.
 
     Attributes:
         position: (3,) [m].
@@ -45,12 +46,12 @@ class CameraPose:
         at: Sequence[float],
         field_of_view: float = FIELD_OF_VIEW,
     ) -> "CameraPose":
-        """The upright camera at `position` (3,) [m] with `at` (3,) [m] in the middle of its image.
+        """Returns an upright camera at `position` (3,) [m] that looks at the point `at` (3,) [m].
 
-        +Y is to the right or upwards in the image of one that looks straight up or down.
+        If it looks straight up or down, +Y is to the right or upwards in its image.
 
         Raises:
-            InvalidArgumentError: if `at` lies at `position`; for a bad field of view.
+            InvalidArgumentError: if `at` equals `position`; for a bad field of view.
         """
         back = np.subtract(position, at)
         right = np.cross([0.0, 0.0, 1.0], back)
@@ -65,13 +66,13 @@ class CameraPose:
 
     @property
     def azimuth(self) -> float:
-        """To its place from what it looks at, about Z from X on [rad]."""
+        """Direction from the target to the camera, about Z from X on [rad]."""
         axes = Rotation.from_quat(self.quaternion, scalar_first=True).as_matrix()
         back = axes[:, 2] - axes[:, 1]  # Straight down, the lower edge of the image is nearest.
         return math.atan2(back[1], back[0])
 
 
-# From the front right, looking at the middle; the same from further away, where arms are in view.
+# From the front right, looking at the middle; from further away with arms.
 OVERVIEW = CameraPose.looking((0.8, -0.9, 0.65), at=(0.0, 0.0, 0.05))
 FAR_OVERVIEW = CameraPose.looking((1.28, -1.53, 1.18), at=(0.0, 0.0, 0.2))
 
@@ -79,16 +80,17 @@ FAR_OVERVIEW = CameraPose.looking((1.28, -1.53, 1.18), at=(0.0, 0.0, 0.2))
 @typed
 @dataclasses.dataclass(frozen=True)
 class View:
-    """From where a scene is looked at.
+    """Cameras of a scene.
 
     Attributes:
         camera: the task's camera.
         overview: the other fixed camera.
-        with_arms: the task's camera where arms would hide what `camera` sees; None for `camera`.
-        overview_with_arms: alike.
-        middle: X [m] of the middle of what happens; shadows reach 1.2 m around it.
-        target: (x, y, z) [m] of what the external cameras have in the middle of their images.
-        radius: of the ball around it that they see whole [m].
+        with_arms: the task's camera if there are arms, which would hide the object from `camera`;
+            None for `camera`.
+        overview_with_arms: the other fixed camera if there are arms.
+        middle: X [m] of the middle of the scene; shadows reach 1.2 m around it.
+        target: (x, y, z) [m] at which the external cameras look.
+        radius: radius [m] of the ball around it that they see completely.
     """
 
     camera: CameraPose
@@ -100,7 +102,7 @@ class View:
     radius: float = 0.5
 
     def external(self, azimuth: float) -> CameraPose:
-        """The external camera that stands at an azimuth from the target [rad]."""
+        """Returns the external camera at an azimuth [rad] from the target."""
         distance = self.radius / math.sin(math.radians(EXTERNAL_FIELD_OF_VIEW) / 2)
         elevation = math.radians(EXTERNAL_ELEVATION)
         flat = distance * math.cos(elevation)
@@ -109,11 +111,11 @@ class View:
         return CameraPose.looking(position, self.target, EXTERNAL_FIELD_OF_VIEW)
 
 
-# By view, without and with arms: position [m], what is in the middle of the image [m], field of
-# view [deg]. Written by tools/cameras.py; then, by hand, those of pour_water, and with pickers that
-# of drop_fold_cloth, went 6 and 7 % further away, and that of spread_cloth with pickers nearer than
-# the tool wants it: its cloth is small. Those of drop_cloth with pickers and of drop_fold_cloth
-# with arms keep their direction and stand where the mark of the goal is in the picture, too.
+# Views without and with arms: position [m], target [m], field of view [deg], written by
+# tools/cameras.py. By hand, those of pour_water, and of drop_fold_cloth with pickers, were moved 6
+# and 7 % away, and that of spread_cloth with pickers nearer, as its cloth is small. Those of
+# drop_cloth with pickers and of drop_fold_cloth with arms keep their direction, at distances that
+# show the mark of the goal.
 FRAMED = {
     "drop_cloth": (
         ((1.461, 0.0, 2.21), (-0.086, 0.0, 0.0), 30.0),
@@ -152,8 +154,8 @@ FRAMED = {
         ((-0.703, -0.091, 0.58), (0.268, 0.169, 0.0), 45.0),
     ),
 }
-# Balls around all of the object, the hands that move it and the marks of goals in episodes of the
-# scripted experts, for the external cameras (tools/framing.py measures it); and overviews.
+# Balls around the object, the hands and the marks of goals in the scripted experts' episodes, for
+# the external cameras (measured by tools/framing.py), and overviews.
 _CUPS: Mapping[str, Any] = {
     "overview": CameraPose.looking((1.1, -1.3, 1.0), at=(0.0, 0.0, 0.0)),
     "overview_with_arms": CameraPose.looking((1.5, -1.5, 1.3), at=(-0.1, 0.5, 0.0)),
@@ -179,7 +181,7 @@ _OTHERS: Mapping[str, Mapping[str, Any]] = {
     "drop_fold_cloth": {**_HANGING, "target": (0.2, 0.0, 0.7), "radius": 0.96},
 }
 VIEWS = {
-    # For tasks of one's own: SoftGym's over a cloth; with arms from the front, between the two.
+    # For custom tasks: SoftGym's over a cloth; with two arms from the front, between them.
     "cloth": View(
         CameraPose.looking((0.0, -0.82, 0.82), at=(0.0, 0.0, 0.0)),
         with_arms=CameraPose.looking((1.15, 0.0, 1.2), at=(-0.05, 0.0, 0.0)),

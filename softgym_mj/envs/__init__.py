@@ -1,1 +1,1 @@
-"""Environments: a task as dm_control, dm_control's suite and Gymnasium see it."""
+"""Environments: a task as an environment of dm_control, dm_control's suite and Gymnasium."""

@@ -1,4 +1,4 @@
-"""`Clipping`: clips actions to their box, and warns the first time that this changes one."""
+"""`Clipping`: clips actions to their box, with a warning the first time."""
 
 from typing import Any
 
@@ -21,8 +21,8 @@ class Clipping:
     def __call__(self, actions: Any) -> Any:
         """Returns the actions within the box.
 
-        Values that are not finite, and what is no array of real numbers of the right size, are
-        returned as they are: the check that follows refuses them.
+        Values that are not finite, and anything but an array of real numbers of the right size, are
+        returned unchanged: the check that follows rejects them.
         """
         array = as_array("actions", actions)
         if array.dtype.kind not in "fiub" or array.shape[-1:] != self._low.shape:
@@ -33,6 +33,6 @@ class Clipping:
             self._warned = True
             logger.warn(
                 f"an action is outside of its box, {self._low.tolist()} to {self._high.tolist()}: "
-                "it is clipped, as later ones are without a warning"
+                "it is clipped; later ones are clipped without a warning"
             )
         return np.where(finite, np.clip(array, self._low, self._high), array)

@@ -27,22 +27,22 @@ _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
 class Environment(SimulatedEnvironment):
-    """Runs a `Task`; differs from its base in five ways.
+    """Runs a `Task`; differs from composer's environment in five ways.
 
-    `reset` chooses a variation and recompiles only when that changes the model, or when the task
-    or an entity defines `initialize_episode_mjcf`; `step` takes strictly checked actions and ends
-    after `horizon` env steps (discount 1: not a terminal state); a simulation that diverges ends
-    the episode (discount 0: a terminal state); `get_state` and `set_state` are exact; `info`
-    describes the last step.
+    `reset` chooses a variation and recompiles only if that changes the model, or if the task or an
+    entity defines `initialize_episode_mjcf`. `step` rejects invalid actions and ends episodes after
+    `horizon` env steps (discount 1: not a terminal state). A simulation that diverges ends the
+    episode (discount 0: a terminal state). `get_state` and `set_state` are exact. `info` describes
+    the last step.
 
     Attributes:
         name: task name.
         horizon: env steps in an episode.
-        variations: variation indices that `reset` draws from.
-        started: the variation that was last started; None before the first reset.
-        step_count: env steps since reset, or as many as are to count.
-        diverged: whether the simulation has diverged in the last env step.
-        maker: makes another such environment of a `random_state`; `load` sets it.
+        variations: variation indices from which `reset` draws.
+        started: variation of the current episode; None before the first reset.
+        step_count: env steps since reset; may be set to shorten an episode.
+        diverged: whether the simulation diverged in the last env step.
+        maker: makes another such environment from a `random_state`; set by `load`.
     """
 
     def __init__(
@@ -95,7 +95,7 @@ class Environment(SimulatedEnvironment):
         )
 
     def info(self) -> dict[str, np.generic]:
-        """NumPy scalars that describe the state after the last step or reset."""
+        """Returns NumPy scalars that describe the state after the last step or reset."""
         self._check_open()
         warnings = np.int64(self._data.warning.number.sum())
         diverged = np.bool_(self.diverged)
@@ -107,11 +107,11 @@ class Environment(SimulatedEnvironment):
         """Starts an episode.
 
         Args:
-            variation: index 0..999; drawn from the split when None.
+            variation: index 0..999; None to draw one from the split.
 
         Raises:
             InvalidArgumentError: if there is no such variation.
-            SimulationError: if the simulation diverges while it starts.
+            SimulationError: if the simulation diverges at the start.
         """
         self._check_open()
         if variation is None:
@@ -137,11 +137,10 @@ class Environment(SimulatedEnvironment):
         self._reset_next_step = False
 
     def step(self, action: np.ndarray) -> dm_env.TimeStep:
-        """Applies an action for one env step; after the last one of an episode it resets.
+        """Applies an action for one env step, or resets after the last one of an episode.
 
         A simulation that diverges ends the episode: the last time step has discount 0, `diverged`
-        is true, and state, observation, reward and info are those of the start of the episode,
-        which are finite.
+        is True, and state, observation, reward and info are those of the episode's start.
 
         Raises:
             InvalidArgumentError: for a wrong shape, NaN, infinity or an entry outside [-1, 1].
@@ -162,10 +161,10 @@ class Environment(SimulatedEnvironment):
     def play(
         self, act: Callable[[dm_env.TimeStep], np.ndarray], variation: int | None = None
     ) -> Iterator[dm_env.TimeStep]:
-        """Plays an episode of a policy; yields its time steps, that of the reset first.
+        """Plays an episode of a policy; yields its time steps, starting with that of the reset.
 
         Args:
-            act: gives the action for a time step.
+            act: returns the action for a time step.
             variation: as in `reset`.
 
         Raises:
@@ -179,7 +178,7 @@ class Environment(SimulatedEnvironment):
             yield timestep
 
     def check_converged(self) -> None:
-        """Raises `SimulationError` if the simulation has diverged in the last env step."""
+        """Raises `SimulationError` if the simulation diverged in the last env step."""
         if self.diverged:
             raise SimulationError(f"variation {self.started} of {self.name} has diverged")
 
@@ -196,25 +195,25 @@ class Environment(SimulatedEnvironment):
     # ------------------------------------------------------------------ snapshots
 
     def __reduce__(self):
-        """A copy or a pickle continues the episode; hooks that were added do not come along.
+        """Pickles the episode, so that a copy continues it; hooks that were added are not copied.
 
         Raises:
-            LifecycleError: for one that `load` has not made, or that is closed.
+            LifecycleError: for an environment that `load` did not make, or that is closed.
         """
         self._check_open()
         if self.maker is None:
             raise LifecycleError(
-                "an Environment that softgym_mj.load has not made can be neither copied nor "
+                "an Environment that softgym_mj.load did not make can be neither copied nor "
                 "pickled: make another one and use other.set_state(env.get_state())"
             )
         snapshot = None if self.started is None else self.get_state()
         return _remade, (self.maker, self._random_state.get_state(), snapshot)
 
     def get_state(self) -> Snapshot:
-        """A snapshot of the running episode, independent of this environment; picklable.
+        """Returns a picklable snapshot of the episode, independent of this environment.
 
         Raises:
-            LifecycleError: before the first reset; after `close()`, as of all that play.
+            LifecycleError: before the first reset; after `close()`.
         """
         self._check_open()
         if self.started is None:
@@ -232,13 +231,13 @@ class Environment(SimulatedEnvironment):
         )
 
     def set_state(self, snapshot: Snapshot) -> None:
-        """Restores a snapshot: what follows is bit-identical, in any instance of the same task.
+        """Restores a snapshot; what follows is bit-identical in any instance of the same task.
 
-        An instance that plays another variation is switched to the snapshot's, which takes a
-        recompilation if the object's size differs.
+        An instance with another variation switches to the snapshot's, which recompiles the model if
+        the object's size differs.
 
         Raises:
-            SnapshotError: if it was taken from another task or other settings, or is none.
+            SnapshotError: for a snapshot of another task or other settings, or an invalid one.
         """
         self._check_open()
         if not isinstance(snapshot, Snapshot):
@@ -269,10 +268,10 @@ class Environment(SimulatedEnvironment):
 
     @contextlib.contextmanager
     def rehearsal(self) -> Iterator[Callable[[np.ndarray], bool]]:
-        """Within it, env steps are tried without observations; at its end all is as it was before.
+        """Context in which env steps are tried without observations, then undone.
 
-        It gives a function that takes an env step and says whether the episode goes on; it raises
-        `PhysicsError` if the simulation diverges.
+        It yields a function that takes an env step and returns whether the episode continues; the
+        function raises `PhysicsError` if the simulation diverges.
         """
         snapshot, warnings = self.get_state(), self._data.warning.number.copy()
         diverged = self.diverged
@@ -292,7 +291,7 @@ class Environment(SimulatedEnvironment):
 
 
 def _remade(maker: Callable[..., Environment], random: tuple, snapshot: Snapshot | None):
-    """An environment as another one was: what a pickle of that calls."""
+    """Makes the environment that a pickle describes."""
     env = maker(random_state=np.random.RandomState())
     env.random_state.set_state(random)
     if snapshot is not None:

@@ -1,4 +1,4 @@
-"""`GoalEnv`: what is achieved and what is desired beside each other, for hindsight."""
+"""`GoalEnv`: Gymnasium wrapper with achieved and desired goals, for hindsight."""
 
 from typing import Any
 
@@ -14,19 +14,20 @@ from softgym_mj.validation import as_array
 
 
 class GoalEnv(gymnasium.Wrapper, RecordConstructorArgs):
-    """A task that draws its goal, as Gymnasium-Robotics' `GoalEnv` has such.
+    """Wrapper with the interface of Gymnasium-Robotics' `GoalEnv`, for tasks that draw their goal.
 
-    Observations are a Dict: "observation", what the environment observes without the numbers of the
-    goal; "achieved_goal" and "desired_goal" (k,) float64, between which `compute_reward` compares.
-    For `rope_configuration` they are the rope's vertices where they are and where they ought to be
-    [m], for `pour_water_amount` the share of the water that is poured and that ought to be.
+    Observations are a Dict: "observation", the environment's without the entries of the goal;
+    "achieved_goal" and "desired_goal" (k,) float64, which `compute_reward` compares. For
+    `rope_configuration` these are positions and goal positions of the rope's vertices [m], for
+    `pour_water_amount` the poured share of the water and the share to pour.
     """
 
     def __init__(self, env: gymnasium.Env):
         """Wraps an environment.
 
         Args:
-            env: of one observation, such as `gymnasium.make("softgym_mj/RopeConfiguration-v0")`.
+            env: environment with one observation, such as
+                `gymnasium.make("softgym_mj/RopeConfiguration-v0")`.
 
         Raises:
             InvalidArgumentError: for another task, or several observations.
@@ -41,7 +42,7 @@ class GoalEnv(gymnasium.Wrapper, RecordConstructorArgs):
         names = [*self._env.observation_spec()]
         if len(names) > 1 or not isinstance(env.observation_space, gymnasium.spaces.Box):
             raise InvalidArgumentError("observation", names, "one name")
-        self._kept: Any = ...  # Images lack the goal.
+        self._kept: Any = ...  # Images do not contain the goal.
         if names[0] in STATES:
             self._kept = np.flatnonzero(~depends_on_goal(self._env.task, names[0]))
         seen = env.observation_space
@@ -57,21 +58,21 @@ class GoalEnv(gymnasium.Wrapper, RecordConstructorArgs):
         )
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
-        """See `SoftGymEnv`."""
+        """Starts an episode as `SoftGymEnv.reset` does; returns the Dict observation and info."""
         observation, info = self.env.reset(seed=seed, options=options)
         return self._seen(observation), info
 
     def step(self, action: np.ndarray):
-        """See `SoftGymEnv`."""
+        """Applies an action as `SoftGymEnv.step` does; returns the Dict observation and so on."""
         observation, *rest = self.env.step(action)
         return self._seen(observation), *rest
 
     def compute_reward(self, achieved_goal: np.ndarray, desired_goal: np.ndarray, info: Any) -> Any:
-        """The task's rewards, by its own measure.
+        """Returns the task's rewards for achieved and desired goals.
 
         Args:
-            achieved_goal, desired_goal: (k,), or (n, k) of many.
-            info: not looked at.
+            achieved_goal, desired_goal: (k,), or (n, k) for n rewards.
+            info: ignored.
 
         Returns:
             A number, or (n,).

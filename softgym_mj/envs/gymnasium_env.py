@@ -27,33 +27,31 @@ from softgym_mj.rendering.offscreen import LARGEST_IMAGE, CameraView, camera_ids
 from softgym_mj.validation import check_type
 
 _OF_ENVIRONMENT = ("split", "horizon", "render_mode", "render_size", "camera", "clip_actions")
-# Attributes that a copy has besides the arguments and the state of the episode.
+# Attributes copied in addition to the arguments and the state of the episode.
 _COPIED = ("_np_random", "_np_random_seed", "action_space", "observation_space", "_spec")
 
 
 def space_of(spec: specs.Array) -> gymnasium.spaces.Box:
-    """Returns the Gymnasium space of an observation of dm_env: uint8 stays, others are float32."""
+    """Returns the Gymnasium space of a dm_env observation: uint8 stays, others become float32."""
     if spec.dtype == np.uint8:
         return gymnasium.spaces.Box(0, 255, spec.shape, np.uint8)
     return gymnasium.spaces.Box(-np.inf, np.inf, spec.shape, np.float32)
 
 
 class SoftGymEnv(gymnasium.Env, EzPickle):
-    """One task of softgym_mj as a Gymnasium environment.
+    """A task as a Gymnasium environment.
 
-    Action space: Box(-1, 1, (n,), float32), n of the actor. Observation space: a float32 or uint8
-    Box for one observation, a Dict of them for several, in the order of their names: Gymnasium
-    sorts spaces so, and observations have the order of the space. An episode is truncated after
-    `horizon` env steps; it terminates only if the simulation diverges, as `info["diverged"]` says:
-    see `Environment.step`. `info` is `Environment.info`, with bools as arrays of
-    shape (); where images or points are observed, "cameras" in it has the "intrinsics" and
-    "extrinsics" of the cameras that they are from, by name, as in `Calibration`. A copy or a pickle
-    continues the episode where it stands.
+    Actions: Box(-1, 1, (n,), float32), with n of the actor. Observations: a float32 or uint8 Box
+    for one observation, a Dict for several, in alphabetical order as in Gymnasium's spaces. An
+    episode is truncated after `horizon` env steps and terminates only if the simulation diverges
+    (`info["diverged"]`). `info` is `Environment.info` with bools as arrays of shape (). If images
+    or points are observed, its "cameras" maps the names of their cameras to "intrinsics" and
+    "extrinsics", as in `Calibration`. A copy or a pickle continues the episode.
 
     Attributes:
-        dm_env: the dm_control environment underneath.
+        dm_env: the underlying dm_control environment.
         horizon: env steps after which an episode is truncated.
-        clip_actions: whether actions outside of [-1, 1] are clipped; else they are refused.
+        clip_actions: whether actions outside [-1, 1] are clipped; else they are rejected.
     """
 
     _spec: EnvSpec | None = None
@@ -61,7 +59,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
 
     def __init__(
         self,
-        /,  # An argument that is called "self" is refused by name.
+        /,  # A keyword argument "self" is rejected by name.
         task: str | registry.TaskRecord,
         render_mode: str | None = None,
         *,
@@ -76,14 +74,14 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
 
         Args:
             task: task name, or a record.
-            render_mode: None, "rgb_array" (uint8) or "depth_array" (float32 metres).
+            render_mode: None, "rgb_array" (uint8) or "depth_array" (float32, meters).
             render_size: (height, width) of `render` [pixels].
             camera: camera of `render`: "task", "overview", "wrist_0" on the hand of an arm or
-                another of the model, see `rendering.camera_ids`.
+                another camera of the model (`rendering.camera_ids`).
             split: "train", "evaluate", "all" or a sequence of variation indices.
-            horizon: env steps in an episode; the task's own when None.
-            clip_actions: whether actions outside of [-1, 1] are clipped, with a warning the first
-                time; else they are refused.
+            horizon: env steps in an episode; None for the task's own.
+            clip_actions: whether actions outside [-1, 1] are clipped, with a warning the first
+                time; else they are rejected.
             **task_kwargs: keyword arguments of the task, such as `observation` or `actor`.
         """
         if "random_state" in task_kwargs:
@@ -124,8 +122,8 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         return self._spec
 
     @spec.setter
-    def spec(self, made_of: EnvSpec | None) -> None:
-        self._spec = copy.copy(made_of)
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = copy.copy(spec)
         if self._spec is not None:
             self._spec.max_episode_steps = self.horizon
 
@@ -133,19 +131,19 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         """Starts an episode.
 
         Args:
-            seed: seeds the draw of variations.
-            options: {"variation": index 0..999}, else one is drawn from the split; or
-                {"state": state}, which continues an episode as `set_state` does, but is a reset to
-                wrappers, too: a new environment of `gymnasium.make` wants one before a step.
+            seed: seed of the generator that draws variations.
+            options: {"variation": index 0..999} instead of a draw from the split; or {"state":
+                state}, which continues an episode as `set_state` does, but counts as a reset for
+                wrappers: a new environment of `gymnasium.make` requires one before a step.
 
         Returns:
             Observation and info.
 
         Raises:
-            InvalidArgumentError: for an unknown option; for a variation that does not exist, or one
-                or a seed beside a state.
+            InvalidArgumentError: for an unknown option; for a variation that does not exist; for a
+                variation or a seed together with a state.
             SnapshotError: for a bad state.
-            LifecycleError: after `close()`, as of all methods but `close()`.
+            LifecycleError: after `close()`, as in all methods but `close()`.
         """
         self._check_open()
         options = checked_options(options)
@@ -161,7 +159,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         return self._convert(timestep.observation), self._info()
 
     def step(self, action: np.ndarray):
-        """Applies an action (n,) in [-1, 1]: others are clipped, unless `clip_actions` is False.
+        """Applies an action (n,) in [-1, 1]; others are clipped, unless `clip_actions` is False.
 
         Returns:
             Observation, reward, terminated (whether the simulation diverged), truncated, info.
@@ -184,19 +182,19 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         return observation, float(timestep.reward), terminated, truncated, self._info()
 
     def _info(self) -> dict[str, Any]:
-        found: dict[str, Any] = self.dm_env.info()
-        # Gymnasium's vector environments make objects of NumPy's bool, but not of arrays of it.
-        found |= {k: np.asarray(v) for k, v in found.items() if isinstance(v, np.bool_)}
+        info: dict[str, Any] = self.dm_env.info()
+        # Gymnasium's vector environments turn NumPy's bools into objects, but not arrays of bool.
+        info |= {k: np.asarray(v) for k, v in info.items() if isinstance(v, np.bool_)}
         if cameras := self.dm_env.cameras():
-            found["cameras"] = {name: {**vars(camera)} for name, camera in cameras.items()}
-        return found
+            info["cameras"] = {name: {**vars(camera)} for name, camera in cameras.items()}
+        return info
 
     def shorten(self, share: float) -> None:
-        """Has the episode that has started end earlier, by a share of the horizon below 1."""
+        """Shortens the current episode by a share of the horizon below 1."""
         self.dm_env.step_count += int(share * self.horizon)
 
     def render(self) -> np.ndarray | None:
-        """An image (height, width, 3) uint8 or depths (height, width) float32 [m]; else None."""
+        """Returns an image (height, width, 3) uint8, depths (height, width) float32 [m] or None."""
         self._check_open()
         if self.render_mode == "rgb_array":
             return self._view.rgb(self.dm_env.physics)
@@ -212,7 +210,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
             self._closed = True
 
     def get_state(self) -> tuple[Snapshot, Mapping[str, Any]]:
-        """A snapshot for `set_state`, with the generator that draws variations; picklable.
+        """Returns a picklable snapshot for `set_state`, with the generator that draws variations.
 
         Raises:
             LifecycleError: before the first reset.
@@ -224,7 +222,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         """Restores a snapshot; returns observation and info.
 
         Raises:
-            SnapshotError: if it is of another task or other settings, or none.
+            SnapshotError: for a snapshot of another task or other settings, or an invalid one.
         """
         self._check_open()
         snapshot, generator = checked_state(state)
@@ -237,7 +235,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         self._check_open()
         state = self.get_state() if self.dm_env.started is not None else None
         copied = {name: vars(self)[name] for name in _COPIED if name in vars(self)}
-        # A copy, for `copy.copy`: its generators are not to be shared.
+        # A deep copy, because `copy.copy` must not share generators.
         return {**super().__getstate__(), "state": state, "copied": copy.deepcopy(copied)}
 
     def __setstate__(self, kept: dict[str, Any]) -> None:
@@ -252,7 +250,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
 
     def _convert(self, observation: dict[str, np.ndarray]):
         space = self.observation_space
-        if isinstance(space, gymnasium.spaces.Dict):  # It has its own order: see the class.
+        if isinstance(space, gymnasium.spaces.Dict):  # The order is that of the space.
             return {name: observation[name].astype(one.dtype) for name, one in space.items()}
         (value,) = observation.values()
         return value.astype(space.dtype)

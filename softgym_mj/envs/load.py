@@ -26,22 +26,23 @@ def load(
     """Builds the dm_env environment of a task.
 
     Args:
-        task: task name, one of `TASKS`, or as in `find`.
+        task: task name, one of `TASKS`, "module:name" of a custom task, or a record.
         split: "train" (variations 0..799), "evaluate" (800..999), "all" or a sequence of indices.
-        horizon: env steps in an episode; None for the task's own, 20 with pick-and-place actions.
+        horizon: env steps in an episode; None for the task's own, or 20 with pick-and-place
+            actions.
         random_state: seed or generator that draws the variations.
-        **task_kwargs: keyword arguments of the task's constructor, such as `observation`;
-            `TASKS[task].arguments` has their names; `help(TASKS[task].resolve())` explains those
-            of one task, `help("softgym_mj.tasks.shared.settings")` those that tasks share.
-            Snapshots of a custom task fit only where they are the same, but for observations.
+        **task_kwargs: keyword arguments of the task's constructor, such as `observation`.
+            `TASKS[task].arguments` lists them; `help(TASKS[task].resolve())` explains a task's own,
+            `help("softgym_mj.tasks.shared.settings")` those that tasks share. Snapshots of a custom
+            task fit only with the same arguments, except for observations.
 
     Returns:
         The environment; actions are (n,) in [-1, 1], observations arrays by name. A copy or a
-        pickle of it continues the episode where it stands.
+        pickle of it continues the episode.
 
     Raises:
-        InvalidArgumentError, UnexpectedArgumentError: for a bad name or value.
-        InvalidArgumentError: as in `find`.
+        InvalidArgumentError: for a bad value; if there is no such task.
+        UnexpectedArgumentError: for an unknown keyword argument.
     """
     record = find(task)
     from softgym_mj.envs.environment import Environment

@@ -1,4 +1,4 @@
-"""What a reset of Gymnasium is asked for: its options, a state, a variation."""
+"""Validation of Gymnasium resets: options, states, variations."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -9,14 +9,14 @@ from softgym_mj.envs.snapshots import Snapshot
 from softgym_mj.exceptions import InvalidArgumentError, SnapshotError, check_name
 from softgym_mj.validation import check_type
 
-_SHOWN = 60  # Characters of a wrong state in a message.
+_SHOWN = 60  # Characters of a bad state in a message.
 
 
 def checked_options(options: object) -> dict[Any, Any]:
-    """A copy of the options of a reset.
+    """Returns a copy of the options of a reset.
 
     Raises:
-        InvalidArgumentError: for what is no dict.
+        InvalidArgumentError: for anything but a dict or None.
     """
     if options is None:
         return {}
@@ -29,7 +29,7 @@ def check_known(seed: object, options: Mapping[str, Any]) -> None:
     """Raises unless a reset can have these options.
 
     Raises:
-        InvalidArgumentError: for an unknown option; for a seed or a variation beside a state.
+        InvalidArgumentError: for an unknown option; for a seed or a variation with a state.
     """
     for key in options:
         check_name("options key", key, ("variation", "state"))
@@ -40,7 +40,7 @@ def check_known(seed: object, options: Mapping[str, Any]) -> None:
 
 
 def checked_state(state: Any) -> tuple[Snapshot, Mapping[str, Any]]:
-    """A snapshot with the state of a generator.
+    """Returns a state as a snapshot and the state of a generator.
 
     Raises:
         SnapshotError: for anything else.
@@ -56,10 +56,10 @@ def checked_state(state: Any) -> tuple[Snapshot, Mapping[str, Any]]:
 
 
 def brief(value: object) -> str:
-    """What something is, in few characters: a state has thousands."""
+    """Returns a value's type and its first characters: a state has thousands."""
     return f"{type(value).__name__} {repr(value)[:_SHOWN]}"
 
 
 def draw_variation(generator: np.random.Generator, variations: Sequence[int]) -> int:
-    """The variation of the next episode, one of a split."""
+    """Draws the variation of the next episode from a split."""
     return int(variations[int(generator.integers(len(variations)))])

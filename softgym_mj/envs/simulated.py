@@ -1,4 +1,4 @@
-"""`SimulatedEnvironment`: composer's environment with the physics and cameras of this package."""
+"""`SimulatedEnvironment`: composer's environment with this package's physics and cameras."""
 
 import numpy as np
 from dm_control import composer
@@ -10,10 +10,10 @@ from softgym_mj.rendering.observables import blank_images
 
 
 class SimulatedEnvironment(composer.Environment):
-    """Compiles `SizedPhysics`, which keeps its OpenGL context, and makes the actor's sim steps."""
+    """Compiles `SizedPhysics`, which keeps its OpenGL context, and simulates sim steps."""
 
     def _recompile_physics(self):
-        # As in the base class, but for the kind of physics, whose OpenGL context stays.
+        # As in the base class, except for the class of physics, whose OpenGL context is kept.
         previous = getattr(self, "_physics", None)
         self._physics = SizedPhysics.from_mjcf_model(self._task.root_entity.mjcf_model)
         self._physics.legacy_step = self._legacy_step
@@ -26,11 +26,11 @@ class SimulatedEnvironment(composer.Environment):
         self._model, self._data = self._physics.model.ptr, self._physics.data.ptr
 
     def _substep(self, action):
-        for _ in range(self._task.actor.sim_steps or 1):  # What some actors need for an action.
+        for _ in range(self._task.actor.sim_steps or 1):  # Some actors need many for an action.
             super()._substep(action)
 
     def cameras(self) -> dict[str, Calibration]:
-        """The cameras that the observation is from, by name, where they are now."""
+        """Returns the calibrations of the observed cameras by name, at their current poses."""
         seen = (found for found in self._task.observables.values() if found.enabled)
         views = (view for found in seen for view in getattr(found, "views", ()))
         return {view.camera: view.calibration(self._physics) for view in views}
@@ -40,6 +40,6 @@ class SimulatedEnvironment(composer.Environment):
             raise LifecycleError("this environment was closed: make a new one")
 
     def observation(self) -> dict[str, np.ndarray]:
-        """The current observation (of `observation_spec()`), for example after `set_state`."""
+        """Returns the current observation (of `observation_spec()`), as after `set_state`."""
         self._check_open()
         return self._observation_updater.get_observation()

@@ -1,4 +1,4 @@
-"""`Snapshot`: what the rest of an episode depends on, and whether it fits an environment."""
+"""`Snapshot`: complete state of an episode, and checks that it fits an environment."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -12,13 +12,13 @@ from softgym_mj.validation import check_type
 
 @dataclasses.dataclass(frozen=True)
 class Snapshot:
-    """Everything that the continuation of an episode depends on.
+    """Complete state on which the rest of an episode depends.
 
     Attributes:
-        task_name: task it was taken from.
+        task_name: name of its task.
         key: `Task.snapshot_key` of that task.
         physics: mjSTATE_INTEGRATION vector of mjData.
-        task: memory of the task and its actor: variation, bounds, what is held.
+        task: state of the task and its actor: variation, bounds, held vertices.
         step_count: env steps since reset.
         ended: whether the episode has ended.
         random_state: state of the environment's random generator.
@@ -56,10 +56,10 @@ def check_origin(snapshot: Snapshot, task_name: str, key: Mapping[str, object]) 
 
 
 def check_content(snapshot: Snapshot, physics_size: int, own: Mapping[str, Any]) -> None:
-    """Raises a ValueError unless a snapshot has what those of the running variation have.
+    """Raises a ValueError unless a snapshot has the content of those of the running variation.
 
     Args:
-        snapshot: of the same task with the same settings.
+        snapshot: snapshot of the same task with the same settings.
         physics_size: length of the physics vector.
         own: `Task.get_state` of the running variation.
     """
@@ -69,10 +69,10 @@ def check_content(snapshot: Snapshot, physics_size: int, own: Mapping[str, Any])
     for name in ("initial_performance", "most_strained"):
         check_type(name, state[name], float)
     check_type("actor", state["actor"], Mapping[str, np.ndarray])
-    found, expected = (
+    shapes, expected = (
         {name: (a.shape, a.dtype.kind) for name, a in actor.items()}
         for actor in (state["actor"], own["actor"])
     )
-    if found != expected or state.keys() != own.keys():
-        raise ValueError(f"{[*state]}, {found}; expected {[*own]}, {expected}")
+    if shapes != expected or state.keys() != own.keys():
+        raise ValueError(f"{[*state]}, {shapes}; expected {[*own]}, {expected}")
     np.random.RandomState(0).set_state(snapshot.random_state)

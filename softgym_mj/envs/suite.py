@@ -10,7 +10,7 @@ from softgym_mj.exceptions import InvalidArgumentError
 
 def _constructor(name: str):
     def build(random=None, environment_kwargs=None, **kwargs):
-        # Tasks of the suite call the seed `random`.
+        # The suite's name for the seed is `random`.
         seed = {} if random is None else {"random_state": random}
         groups = {"task_kwargs": kwargs, "random": seed, "environment_kwargs": environment_kwargs}
         given: dict = {}
@@ -35,13 +35,13 @@ def _tasks():
 
 
 def __getattr__(name: str):
-    if name == "SUITE":  # What dm_control.suite looks for in a domain: built when asked for.
+    if name == "SUITE":  # dm_control.suite expects this attribute; it is built on first use.
         return _tasks()
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def register() -> None:
-    """Makes `dm_control.suite.load("softgym", task)` work, and lists the tasks in the suite."""
+    """Registers the domain for `dm_control.suite.load("softgym", task)`, and lists its tasks."""
     from dm_control import suite
 
     suite._DOMAINS[registry.DOMAIN] = sys.modules[__name__]

@@ -75,7 +75,7 @@ class Attachment(Holding):
     stop two that are pulled apart: before they get further from each other than
     `Flex.largest_gap`, the one that was taken later slips away. So does one that friction or weight
     pulls at with more than `Flex.hold_force`, and one that is caught: more than
-    `Flex.hold_lag` behind. The gripper takes nothing more until it has been open.
+    `Flex.max_tracking_error` behind. The gripper takes nothing more until it has been open.
     """
 
     def __init__(self, num_grippers: int):
@@ -100,7 +100,7 @@ class Attachment(Holding):
     def step(self, command: GripCommand, limits: GripLimits) -> None:
         """A sim step of `step_grips`."""
         before = self.vertices
-        self.grips = step_grips(self.grips, command, self._target.offsets, None, limits)
+        self.grips = step_grips(self.grips, command, self._target.displacements_from, None, limits)
         after = self.vertices
         if after == before:
             return
@@ -127,7 +127,7 @@ class Attachment(Holding):
         And later ones that these would pull too far from earlier ones.
         """
         for i, vertex in enumerate(self.vertices):
-            if vertex >= 0 and self._target.slips(vertex, goals[i]):
+            if vertex >= 0 and self._target.is_overloaded(vertex, goals[i]):
                 self.slip(i)
         vertices = self.vertices
         holders = [i for i, vertex in enumerate(vertices) if vertex >= 0]

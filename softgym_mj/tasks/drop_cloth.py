@@ -71,5 +71,5 @@ class DropCloth(LaidCloth):
 
     def measure(self, state: State, episode: Episode) -> Measures:
         shape, goal = episode.shapes["cloth"], episode.goal["particles"]
-        performance = -metrics.offsets(shape, state.points["cloth"], goal)
+        performance = -metrics.goal_distance(shape, state.points["cloth"], goal)
         return Measures(performance, rewards={"distance": performance})

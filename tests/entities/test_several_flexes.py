@@ -184,7 +184,7 @@ def test_vertices_of_a_group_are_those_of_its_flexes():
     np.testing.assert_array_equal(group.points()[n:], rope.points())
     np.testing.assert_array_equal(group.vertex(n + 3), rope.vertex(3))
     point = np.array([0.1, 0.2, 0.3])
-    np.testing.assert_allclose(group.offsets(point), group.points() - point, atol=1e-12)
+    np.testing.assert_allclose(group.displacements_from(point), group.points() - point, atol=1e-12)
     heights = [group.resting_height(vertex) for vertex in (n - 1, n)]
     assert heights == [cloth.radius, rope.radius]
     assert group.radius == rope.radius

@@ -31,7 +31,7 @@ def load(task, arm, **settings):
 def pinch_edge(env):
     """Pinches an edge of the cloth; returns the vertex nearest to the tool."""
     close_at(env, edge_place(env))
-    offsets = env.task.objects[0].offsets(env.task.actor.positions()[0])
+    offsets = env.task.objects[0].displacements_from(env.task.actor.positions()[0])
     return int(np.linalg.norm(offsets, axis=1).argmin())
 
 

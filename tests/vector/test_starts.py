@@ -63,5 +63,5 @@ def test_ways_of_all_meshes_stay_where_they_are_found():
         env.reset(i)
         number = env.task.flexes.flexes[0].num_points
         own = physics._ways[first : first + number**2].reshape(number, number)
-        assert own[3, 7] == own[7, 3] == env.task.flexes.flexes[0].ways.between(3, 7)
+        assert own[3, 7] == own[7, 3] == env.task.flexes.flexes[0].mesh_distances.between(3, 7)
     envs.close()

@@ -97,7 +97,7 @@ class AttachGrasp(Grasp, Attachment):
             if grip:
                 self._solid[i] = False
             elif not self._solid[i]:
-                self._solid[i] = fingers.clear(i, self._target.offsets(tools[i]))
+                self._solid[i] = fingers.clear(i, self._target.displacements_from(tools[i]))
             fingers.set_solid(i, self._solid[i])
 
     def move(self, ahead: Callable[[float], np.ndarray], timestep: float) -> None:
@@ -156,7 +156,7 @@ class FrictionGrasp(Grasp):
             if grip:
                 self._solid[i] = True
             elif not self._solid[i] or command.min() < opened:
-                self._solid[i] = fingers.clear(i, self._target.offsets(tools[i]))
+                self._solid[i] = fingers.clear(i, self._target.displacements_from(tools[i]))
             fingers.set_solid(i, self._solid[i])
 
     def move(self, ahead: Callable[[float], np.ndarray], timestep: float) -> None:
@@ -176,7 +176,7 @@ class FrictionGrasp(Grasp):
             return NONE
         if before in vertices:
             return before
-        offsets = self._target.offsets(tool)[vertices]
+        offsets = self._target.displacements_from(tool)[vertices]
         return int(vertices[squares(offsets).argmin()])
 
     def _pinched(self, i: int) -> np.ndarray:

@@ -6,7 +6,7 @@ import numpy as np
 
 from softgym_mj.batch.device import Device
 from softgym_mj.cloth.batch_solver import KEPT_PAIRS, ClothBatchSolver, describe
-from softgym_mj.entities.flex import edge_strains, highest_speed, pulls_out
+from softgym_mj.entities.flex import edge_strains, highest_speed, is_overloaded
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.metrics import Array, constant, lengths
@@ -77,8 +77,8 @@ class ClothBatch(BatchPhysics):
         """Reads state, picker state and mesh of the CPU environment.
 
         Keys besides the state: model (for `ClothBatchSolver`), origin of vertices [m], ends and
-        rest lengths [m] of edges, ways (`Ways.all`), the flex's radius, hold_force, hold_lag and
-        hold_stretch, and view (camera of pixel actions).
+        rest lengths [m] of edges, ways (`MeshDistances.all`), the flex's radius, hold_force,
+        max_tracking_error and hold_stretch, and view (camera of pixel actions).
         """
         flex, model = self._flex, self._env.physics.model.ptr
         is_told = isinstance(self._actor, PixelPickAndPlace)
@@ -92,11 +92,11 @@ class ClothBatch(BatchPhysics):
             "count": np.array(flex.num_points),
             "ends": flex.edges.astype(np.int64),
             "lengths": flex.rest_lengths,
-            "ways": flex.ways.all(),
+            "ways": flex.mesh_distances.all(),
             "num_edges": np.array(len(flex.edges)),
             "radius": np.array(flex.radius),
             "hold_force": np.array(flex.hold_force),
-            "hold_lag": np.array(flex.hold_lag),
+            "max_tracking_error": np.array(flex.max_tracking_error),
             "hold_stretch": np.array(flex.hold_stretch),
         }
 
@@ -173,7 +173,9 @@ class ClothBatch(BatchPhysics):
             xp.take_along_axis(state[name], held[..., None], axis=1) for name in ("origin", "qpos")
         )
         behind = lengths(goals - (start + way))
-        slips = pulls_out(forces, behind, state["hold_force"][:, None], state["hold_lag"][:, None])
+        slips = is_overloaded(
+            forces, behind, state["hold_force"][:, None], state["max_tracking_error"][:, None]
+        )
         pickers.give_way(goals, slips, self._gap)
         models = self._solver.models
         if isinstance(pickers, PickAndPlaceBatch):  # Environments without a model stand still.
