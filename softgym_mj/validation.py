@@ -71,7 +71,7 @@ def check_type(argument: str, value: object, annotation: Any) -> None:
 
 
 def as_array(argument: str, value: object) -> np.ndarray:
-    """Converts a number, sequence, array or tensor to an array.
+    """Converts a number, sequence, array or tensor to an array (...).
 
     Raises:
         InvalidArgumentError: if NumPy cannot convert it: ragged lists, tensors that need gradients
