@@ -11,11 +11,7 @@ import torch
 from torch import Tensor
 
 import softgym_mj
-from softgym_mj.exceptions import (
-    InvalidArgumentError,
-    SoftGymError,
-    UnavailableError,
-)
+from softgym_mj.exceptions import InvalidArgumentError, SoftGymError, UnavailableError
 from softgym_mj.learning.exploring import Explorer, problem_of
 from softgym_mj.learning.learner import Learner, Method, Offline
 from softgym_mj.learning.players import Players

@@ -15,10 +15,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from softgym_mj.exceptions import (
-    InvalidArgumentError,
-    StoreError,
-)
+from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.learning.checkpoints import (
     alone,
     as_longer,
