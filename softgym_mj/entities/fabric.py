@@ -131,7 +131,7 @@ class Fabric:
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Returns the domain parameters of a sheet of this fabric."""
+        """Domain parameters of a sheet of this fabric."""
         return (
             scaled(
                 "stretch_stiffness", "N/m", self.stretch_stiffness, 1.4, 2.0,

@@ -1,1 +1,1 @@
-"""What acts: pickers, movers of cups, and robot arms; `base.Actor` is all the environment knows."""
+"""Actors: pickers, movers of cups, and robot arms; environments use only `base.Actor`."""

@@ -1,4 +1,4 @@
-"""`Actor`: what turns an agent's action into motion. The environment knows this interface only."""
+"""`Actor`: interface that turns an agent's action into motion; all that environments use."""
 
 import abc
 from typing import NamedTuple
@@ -20,12 +20,12 @@ BOUND_TOLERANCE = 1e-6  # Actions this far outside [-1, 1] are float32 rounding,
 
 
 class ActionSpace(NamedTuple):
-    """The entries of an action, from -1 to 1 each.
+    """Entries of an action, each from -1 to 1.
 
     Attributes:
-        entries: name, unit ("" for none) and what the ends mean, of each.
+        entries: name, unit ("" for none) and meaning of the range, of each.
         layout: the same in a few words, for messages.
-        switches: indices of entries of which the sign alone counts: they turn something on or off
+        switches: indices of entries of which only the sign matters: they switch something on or off
             and move nothing.
     """
 
@@ -37,26 +37,27 @@ class ActionSpace(NamedTuple):
 class Actor(abc.ABC):
     """Moves grippers or cups; the action has `action_size` entries in [-1, 1].
 
-    In an env step: `command` once, then `plan` in every sim step and `move` in every physics step.
+    Call order: `command` once in an env step, `plan` in every sim step, `move` in every physics
+    step.
     """
 
-    # What snapshots and messages call this kind of actor, such as "picker" or "franka/attach".
+    # Name of this kind of actor in snapshots and messages, such as "picker" or "franka/attach".
     name: str
-    # Env steps of an episode; None: as many as the task's record says.
+    # Env steps of an episode; None for the task's number.
     horizon: int | None = None
-    # Whether it hides what tasks' usual cameras see: arms do.
+    # Whether it blocks the view of the tasks' usual cameras, as arms do.
     hides_view = False
-    # Whether what it senses of itself ends the full and the reduced state.
+    # Whether its proprioception ends the full and the reduced state.
     ends_states = True
-    # Sim steps that the current command takes; None: as many as the task repeats actions.
+    # Sim steps of the current command; None for the task's action repeat.
     sim_steps: int | None = None
-    # Names of the cameras on its hands: none unless it is an arm.
+    # Names of the cameras on its hands; only arms have them.
     wrists: tuple[str, ...] = ()
 
     @property
     @abc.abstractmethod
     def actions(self) -> ActionSpace:
-        """What the entries of an action are."""
+        """Entries of an action."""
 
     @property
     def action_size(self) -> int:
@@ -70,7 +71,7 @@ class Actor(abc.ABC):
     @property
     @abc.abstractmethod
     def model_names(self) -> tuple[str, ...]:
-        """Names of the models that segmented images show as the actor."""
+        """Model names labeled as the actor in segmentation images."""
 
     @abc.abstractmethod
     def manipulate(self, target: FlexGroup) -> None:
@@ -78,20 +79,20 @@ class Actor(abc.ABC):
 
     @abc.abstractmethod
     def begin(self, start: ToolStart, vertices: np.ndarray) -> None:
-        """Starts an episode where a task wants it.
+        """Starts an episode at a task's start.
 
         Args:
-            start: that place.
-            vertices: (n, 3) [m] of what grippers can hold.
+            start: positions of grippers or the cup.
+            vertices: (n, 3) [m] that grippers can hold.
         """
 
     @abc.abstractmethod
     def command(self, action: np.ndarray) -> None:
-        """Starts an env step with a checked action, which holds for all its sim steps."""
+        """Starts an env step with a validated action, which holds for all its sim steps."""
 
     @abc.abstractmethod
     def plan(self) -> None:
-        """Starts a sim step: chooses what to do and where to move in it."""
+        """Starts a sim step: computes its motion and grips."""
 
     @abc.abstractmethod
     def move(self, fraction: float, timestep: float) -> None:
@@ -101,48 +102,48 @@ class Actor(abc.ABC):
         """
 
     def own_observables(self, height: int, width: int) -> dict[str, observable.Observable]:
-        """Further observables by name, with images of height x width pixels."""
+        """Returns further observables by name, with images of height x width pixels."""
         return wrist_observables(self.wrists, height, width)
 
     @abc.abstractmethod
     def proprioception(self) -> np.ndarray:
-        """What the actor senses of itself (n,); unless states list it anyway, it ends them, too."""
+        """Returns the actor's own state (n,), which states end with unless they list it already."""
 
     @property
     @abc.abstractmethod
     def senses(self) -> dict[str, int]:
-        """How many of the numbers of `proprioception` are what, with their unit, in order."""
+        """Number of entries of `proprioception` by name and unit, in order."""
 
     def remembered(self) -> np.ndarray:
-        """What decides on the next steps and no sensor tells (n,), for the state `markov`."""
+        """Returns internal state (n,) that determines the next steps, for `markov`."""
         return np.zeros(0)
 
     @property
     def remembers(self) -> dict[str, int]:
-        """How many of the numbers of `remembered` are what, as `senses`."""
+        """Number of entries of `remembered` by name and unit, in order."""
         return {}
 
     @abc.abstractmethod
     def diagnostics(self) -> dict[str, float | int]:
-        """Scalars for info about the last env step."""
+        """Returns scalars for info about the last env step."""
         return {}
 
     @abc.abstractmethod
     def get_state(self) -> dict[str, np.ndarray]:
-        """What the actor remembers and mjData does not hold, for snapshots."""
+        """Returns the actor's state that mjData does not hold, for snapshots."""
         return {}
 
     @abc.abstractmethod
     def set_state(self, state: dict[str, np.ndarray]) -> None:
-        """Restores what `get_state` returned."""
+        """Restores the state that `get_state` returned."""
 
     def action_spec(self, physics=None) -> specs.BoundedArray:
-        """Bounds of an action: `action_size` entries in [-1, 1]."""
+        """Returns the bounds of an action: `action_size` entries in [-1, 1]."""
         limit = np.ones(self.action_size)
         return specs.BoundedArray(limit.shape, np.float64, -limit, limit, name="action")
 
     def checked_action(self, action: object) -> np.ndarray:
-        """The action as floats (action_size,).
+        """Returns the action as floats (action_size,).
 
         Raises:
             InvalidArgumentError: for a wrong shape, NaN, infinity or an entry outside [-1, 1].
@@ -167,7 +168,7 @@ class Actor(abc.ABC):
 
 
 class BodyActor(Entity, Actor):
-    """An actor with bodies in a model of its own."""
+    """Actor with bodies in a model of its own."""
 
     @property
     def model_names(self) -> tuple[str, ...]:

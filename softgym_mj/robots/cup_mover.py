@@ -14,21 +14,20 @@ from softgym_mj.metrics import Array, columns, namespace
 from softgym_mj.robots.base import SIM_STEP, ActionSpace, Actor
 from softgym_mj.robots.workspace import ToolStart
 
-# [m] The bottom of an upright cup lies exactly on the limit of the ground test; rounding must not
-# reject its moves.
+# [m] Tolerance of the ground test: the bottom of an upright cup is exactly at its limit.
 GROUND_TOLERANCE = 1e-6
 
 NAMES, UNITS = ("dx", "dz", "dtheta"), ("m", "m", "rad")
 
-# Cups that a rule looks at, by name: sizes (..., 4) as `Cup.arrays` has them, poses (..., 3).
+# Cups for a rule, by name: sizes (..., 4) as in `Cup.arrays`, poses (..., 3).
 Cups = Mapping[str, tuple[Array, Array]]
-# The poses (..., 3) that wanted poses (..., 3) become, and which moves (...) are not rejected.
+# Maps desired poses (..., 3) to allowed poses, and returns which moves (...) are accepted.
 Rule = Callable[[Array, Cups], tuple[Array, Array]]
 
 
 @dataclasses.dataclass(frozen=True)
 class Track:
-    """Rule: x [m] is clipped to [low, high]."""
+    """Rule that clips x [m] to [low, high]."""
 
     low: float
     high: float
@@ -41,7 +40,7 @@ class Track:
 
 @dataclasses.dataclass(frozen=True)
 class KeepClear:
-    """Rule: a move is rejected that would put the cup into the ground or into another cup.
+    """Rule that rejects moves of a cup into the ground or into another cup.
 
     Attributes:
         cup, other: names of the two.
@@ -52,7 +51,7 @@ class KeepClear:
 
     def __call__(self, pose: Array, cups: Cups) -> tuple[Array, Array]:
         xp, size = namespace(pose), cups[self.cup][0]
-        # A cup stands half a wall deep in the ground.
+        # A cup rests half a wall deep in the ground.
         lowest = -size[..., 3] / 2 - GROUND_TOLERANCE
         above = xp.min(corners(size, pose)[..., 1], axis=-1) >= lowest
         return pose, above & ~overlap(outline(size, pose), outline(*cups[self.other]))
@@ -60,13 +59,13 @@ class KeepClear:
 
 @dataclasses.dataclass(frozen=True)
 class CupTool:
-    """A cup as what an actor handles, and how it may move.
+    """Cup that an actor moves, and limits of its motion.
 
     Attributes:
         cup: the cup, not yet attached.
         max_step: largest change of x [m], z [m] and theta [rad] in a sim step; 0 where fixed.
-        rule: what becomes of a wanted pose.
-        others: cups that the rule looks at besides.
+        rule: maps desired to allowed poses.
+        others: further cups for the rule.
         base_x: X [m] of the base of an arm that holds the cup.
     """
 
@@ -78,7 +77,7 @@ class CupTool:
 
 
 def cup_step(max_step: np.ndarray, actions: Array) -> Array:
-    """Wanted changes of pose (..., 3) in a sim step: x [m], z [m], theta [rad].
+    """Returns desired changes of pose (..., 3) in a sim step: x [m], z [m], theta [rad].
 
     Args:
         max_step: largest changes (3,); 0 where the cup is fixed.
@@ -91,26 +90,26 @@ def cup_step(max_step: np.ndarray, actions: Array) -> Array:
 
 
 def moved(rule: Rule, pose: Array, step: Array, cups: Cups) -> tuple[Array, Array]:
-    """Poses (..., 3) after a sim step, and whether (...) moves were not rejected.
+    """Returns poses (..., 3) after a sim step, and whether (...) moves were accepted.
 
     Args:
-        rule: what becomes of a wanted pose.
-        pose: before (..., 3).
-        step: wanted changes (..., 3).
-        cups: that the rule looks at.
+        rule: maps desired to allowed poses.
+        pose: previous pose (..., 3).
+        step: desired changes (..., 3).
+        cups: cups for the rule.
     """
     wanted, allowed = rule(pose + step, cups)
     return namespace(pose).where(allowed[..., None], wanted, pose), allowed
 
 
 class CupMover(Actor):
-    """Moves a cup by up to `max_step` in every sim step, as far as a rule lets it.
+    """Moves a cup by up to `max_step` in every sim step, subject to a rule.
 
     The action has one entry for each coordinate of the pose that moves, a fraction of its largest
     step. The cup follows exactly: water cannot push it.
 
     Attributes:
-        cup: what it moves.
+        cup: the cup.
         max_step: largest change (3,) of x [m], z [m] and theta [rad] in a sim step.
     """
 
@@ -118,7 +117,7 @@ class CupMover(Actor):
     ends_states = False
 
     def __init__(self, tool: CupTool):
-        """Binds the mover to what it moves."""
+        """Binds the mover to its cup."""
         self.cup, self.rule, self._others = tool.cup, tool.rule, tool.others
         self.max_step = np.array(tool.max_step, float)
         self._moving = np.flatnonzero(self.max_step)
@@ -127,12 +126,12 @@ class CupMover(Actor):
 
     @property
     def commanded_pose(self) -> np.ndarray:
-        """The pose (3,) that the cup is told to have, a fresh array: it has it."""
+        """Commanded pose (3,), a fresh array; equal to the pose of the cup."""
         return self.cup.pose
 
     @property
     def model_names(self) -> tuple[str, ...]:
-        """Names of the models that segmented images show as the actor: none but the cup."""
+        """Model names labeled as the actor in segmentation images: none, a cup is a container."""
         return ()
 
     @functools.cached_property
@@ -147,7 +146,7 @@ class CupMover(Actor):
         self.cup.join(arena)
 
     def manipulate(self, target: FlexGroup) -> None:
-        """It holds its cup."""
+        """Does nothing: the mover holds its cup only."""
 
     def begin(self, start: ToolStart, vertices: np.ndarray) -> None:
         x, _, z = start.point
@@ -163,7 +162,7 @@ class CupMover(Actor):
         self._rejected = 0
 
     def _wanted(self) -> np.ndarray:
-        """The pose (3,) for the next sim step."""
+        """Returns the pose (3,) for the next sim step."""
         pose = self.commanded_pose
         cups = {cup.mjcf_model.model: (cup.arrays["size"], cup.pose) for cup in self._others}
         cups[self.cup.mjcf_model.model] = self.cup.arrays["size"], pose
@@ -178,7 +177,7 @@ class CupMover(Actor):
         self.cup.pose = self._goal - (1.0 - fraction) * (self._goal - self._start)
 
     def proprioception(self) -> np.ndarray:
-        """The pose of the cup (3,): x [m], z [m], theta [rad]."""
+        """Returns the pose of the cup (3,): x [m], z [m], theta [rad]."""
         return self.cup.pose
 
     @property
@@ -186,7 +185,7 @@ class CupMover(Actor):
         return {"cup x, z [m]": 2, "cup theta [rad]": 1}
 
     def remembered(self) -> np.ndarray:
-        """Velocity of the cup (3,) in the last sim step, which the water goes on with."""
+        """Returns the velocity of the cup (3,) in the last sim step, on which the water depends."""
         return (self._goal - self._start) / SIM_STEP
 
     @property

@@ -8,18 +8,18 @@ from array_api_compat import device
 
 from softgym_mj.metrics import Array, namespace
 
-# What a gripper holds instead of a vertex: nothing; nothing, until it has been open.
+# Values of `GripState.held` without a vertex: nothing; nothing until the gripper has opened.
 NONE, SLIPPED = -1, -2
 
 
 class GripState(NamedTuple):
-    """What n grippers hold.
+    """State of n grippers.
 
     Attributes:
-        centre: where they are (..., n, 3) [m].
+        centre: positions (..., n, 3) [m].
         held: the vertex that each holds, or `NONE` or `SLIPPED` (..., n).
-        offset: of what each holds from its centre (..., n, 3) [m].
-        dropped: how many holds have ended in this episode (...).
+        offset: displacement of the held vertex from the center (..., n, 3) [m].
+        dropped: number of holds that have ended in this episode (...).
     """
 
     centre: Array
@@ -29,7 +29,7 @@ class GripState(NamedTuple):
 
 
 class GripCommand(NamedTuple):
-    """What n grippers do in a sim step.
+    """Command to n grippers in a sim step.
 
     Attributes:
         displacement: (..., n, 3) [m].
@@ -41,11 +41,11 @@ class GripCommand(NamedTuple):
 
 
 class GripLimits(NamedTuple):
-    """Where grippers get to.
+    """Limits of grippers.
 
     Attributes:
-        low, high: of their centres (..., n, 3) [m].
-        reach: largest distance of a vertex that they take [m].
+        low, high: range of their centers (..., n, 3) [m].
+        reach: largest distance of a vertex that they can take [m].
     """
 
     low: Array
@@ -54,9 +54,9 @@ class GripLimits(NamedTuple):
 
 
 def remembered(state: GripState) -> Array:
-    """Of n grippers, whether each holds, and the offset of what it holds [m], else 0: (..., 4n).
+    """Returns for n grippers whether each holds, and the vertex's offset [m], else 0: (..., 4n).
 
-    -1: it has lost its hold and takes nothing until it has been open.
+    -1 marks a gripper that lost its hold and takes nothing until it has opened.
     """
     xp = namespace(state.centre)
     holds = xp.clip(state.held, SLIPPED, NONE + 1) - NONE
@@ -72,23 +72,23 @@ def step_grips(
     present: Array | None,
     limits: GripLimits,
 ) -> GripState:
-    """A sim step of grippers, which changes none of its arguments.
+    """Returns the state of grippers after a sim step; changes none of its arguments.
 
-    First, those whose grip is off release what they hold. All move by their displacement, as far as
-    the limits let them. Then, in order, each that is closed and holds nothing takes the vertex
-    nearest to where its centre was, within its reach, that no other holds; the first index wins a
-    tie. One that has slipped takes nothing until it has been open.
+    First, grippers whose grip is off release what they hold. All move by their displacement, within
+    the limits. Then, in order, each that is closed and holds nothing takes the vertex nearest to
+    its previous center, within its reach, that no other holds; the first index wins a tie. A
+    gripper that has slipped takes nothing until it has opened.
 
     Args:
-        state: before the step.
-        command: what they do.
-        points: gives for centres (..., n, 3) the positions of all vertices relative to each
-            (..., n, vertices, 3) [m]; called only if something may be taken.
+        state: previous state.
+        command: command of the sim step.
+        points: returns for centers (..., n, 3) the positions of all vertices relative to each (...,
+            n, vertices, 3) [m]; called only if something may be taken.
         present: whether there is such a vertex (..., vertices) bool; None for all.
-        limits: where they get to.
+        limits: limits of the grippers.
 
     Returns:
-        The state after the step.
+        The new state.
     """
     xp = namespace(state.centre)
     centre = xp.maximum(xp.minimum(state.centre + command.displacement, limits.high), limits.low)
@@ -101,7 +101,7 @@ def step_grips(
     if not may_be(xp, seeking):
         return result
     offsets = points(state.centre)
-    squares = offsets * offsets  # Summed one by one: libraries sum in various orders.
+    squares = offsets * offsets  # Summed one by one, because libraries sum in various orders.
     distances = squares[..., 0] + squares[..., 1] + squares[..., 2]
     within = seeking[..., None] & (distances <= limits.reach**2)
     if present is not None:
@@ -117,14 +117,14 @@ def kept_in_order(
     gap: Callable[[int, int], Any],
     may: Callable[[Any], bool] = bool,
 ) -> list[Any]:
-    """Which holds stay: a later one that pulls too far from an earlier one that stays does not.
+    """Returns which holds stay: one that pulls too far from an earlier one that stays is released.
 
     Args:
-        holds: whether there is a hold, of n grippers in the order in which they took what they
-            hold: a bool, or an array (num_envs,) of them, each.
-        distance: between where two of them, by their places in that order, take what they hold [m].
-        gap: to which that may be drawn apart [m].
-        may: whether any entry of what `holds` consists of may be true.
+        holds: whether there is a hold, of n grippers in the order in which they took their
+            vertices: a bool, or an array (num_envs,) of them, each.
+        distance: returns the distance of two holds [m], by their places in that order.
+        gap: returns the largest distance of two holds [m].
+        may: whether any entry of a mask may be true.
     """
     kept = list(holds)
     for second in range(len(kept)):
@@ -137,18 +137,18 @@ def kept_in_order(
 
 
 def may_be(xp: Any, mask: Array) -> bool:
-    """False if a mask is known to be False everywhere; on a GPU, asking would cost too much."""
+    """Returns False for a NumPy mask without True; on a GPU the test would cost too much."""
     return xp is not np or bool(np.count_nonzero(mask))
 
 
 def _taken(xp: Any, state: GripState, offsets: Array, distances: Array) -> GripState:
-    """The state after each gripper, in order, has taken the nearest vertex that none holds, if any.
+    """Returns the state after each gripper, in order, took the nearest free vertex, if any.
 
     Args:
         xp: the arrays' namespace.
-        state: before.
-        offsets: of the vertices from the grippers (..., n, vertices, 3) [m].
-        distances: from the grippers (..., n, vertices), infinite for what they do not take.
+        state: previous state.
+        offsets: vertices relative to the grippers (..., n, vertices, 3) [m].
+        distances: from the grippers (..., n, vertices); infinite for vertices that cannot be taken.
     """
     held, offset = xp.asarray(state.held, copy=True), xp.asarray(state.offset, copy=True)
     vertices = xp.arange(distances.shape[-1], device=device(held))

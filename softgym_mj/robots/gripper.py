@@ -1,4 +1,4 @@
-"""`Gripper`: the actors that hold vertices of a flex."""
+"""`Gripper`: base of the actors that hold vertices of a flex."""
 
 import abc
 import functools
@@ -15,9 +15,9 @@ from softgym_mj.robots.grip import NONE, GripCommand, remembered
 from softgym_mj.robots.holding import Holding
 from softgym_mj.robots.workspace import ToolStart, Workspace
 
-HELD = "held"  # The observation: uint8 (grippers,), 1 for each gripper that holds something.
+HELD = "held"  # Observation: uint8 (grippers,), 1 for each gripper that holds a vertex.
 MAX_DISPLACEMENT = 0.01  # [m] per axis and sim step: 1 m/s per axis (docs/softgym.md 2.1).
-# [m] At the start, of grippers' centres above the object: a picker's radius and 1 cm.
+# [m] Height of grippers' centers above the object at the start: a picker's radius and 1 cm.
 CLEARANCE = 0.06
 
 
@@ -27,11 +27,11 @@ DISPLACEMENTS = tuple(
 
 
 def gripper_actions(number: int, moves: Sequence[tuple[str, str, str]]) -> ActionSpace:
-    """For each of `number` grippers its moves, and grip.
+    """Returns the action space of grippers: for each its moves, then grip.
 
     Args:
-        number: of grippers.
-        moves: name, unit and what the ends mean, of each.
+        number: number of grippers.
+        moves: name, unit and meaning of the range, of each move.
     """
     entries = [
         (f"gripper {i}, {name}", unit, ends)
@@ -46,20 +46,20 @@ def gripper_actions(number: int, moves: Sequence[tuple[str, str, str]]) -> Actio
 class Gripper(BodyActor):
     """One or more grippers that hold vertices of a deformable object.
 
-    They use four entries of the action a gripper: (dx, dy, dz) as a fraction of the largest
-    displacement in a sim step along the world axes, and grip (> 0 closes, <= 0 opens). They stay
-    within `limits`.
+    The action has four entries for each gripper: (dx, dy, dz) as a fraction of the largest
+    displacement in a sim step along the world axes, and grip (> 0 closes, <= 0 opens). Grippers
+    stay within `limits`.
 
     A subclass's `_build` sets `_mjcf_root`, `_holding` and, by `_set_workspace`, the workspace.
     """
 
-    # [m] Of a gripper's centre above a vertex that hangs from it.
+    # [m] Height of a gripper's center above a vertex that hangs from it.
     hold_height = 0.05
-    # Whether an action says by how much grippers move, see `displacing`.
+    # Whether an action is a displacement of grippers (`displacing`).
     displaces = True
-    # Whether it also says by how much they turn, see `Arms.posing`.
+    # Whether it also has rotations (`Arms.posing`).
     turns = False
-    # [m] From which two grippers do not get into each other's way, whatever side they come from.
+    # [m] Distance from which two grippers do not obstruct each other, whatever side they come from.
     least_distance = 0.0
 
     _holding: Holding
@@ -82,9 +82,9 @@ class Gripper(BodyActor):
 
     @property
     def limits(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest gripper centre (3,) [m] of the workspace; arms may not reach as far.
+        """Lowest and highest gripper center (3,) [m] of the workspace.
 
-        How far they do: `within_reach`.
+        Arms may not reach as far: see `within_reach`.
         """
         return self._low, self._high
 
@@ -95,7 +95,7 @@ class Gripper(BodyActor):
     # ------------------------------------------------------------------ start
 
     def begin(self, start: ToolStart, vertices: np.ndarray) -> None:
-        """Starts an episode where a task wants it, with the object at `vertices` (n, 3) [m]."""
+        """Starts an episode at a task's start, with the object at `vertices` (n, 3) [m]."""
         if start.held:
             corners = np.array(start.held)
             held = corners[self.order(vertices[corners])]
@@ -113,7 +113,7 @@ class Gripper(BodyActor):
         """Starts an episode: grippers open at `positions` (num_grippers, 3) [m] in `workspace`."""
 
     def order(self, points: np.ndarray) -> list[int]:
-        """Which of the points (num_grippers, 3) [m] each gripper should hold."""
+        """Returns which of the points (num_grippers, 3) [m] each gripper should hold."""
         return list(range(len(points)))
 
     @abc.abstractmethod
@@ -122,16 +122,16 @@ class Gripper(BodyActor):
 
     @abc.abstractmethod
     def default_positions(self, point: np.ndarray) -> np.ndarray:
-        """Start positions (num_grippers, 3) [m] around a reset point (3,) [m]."""
+        """Returns start positions (num_grippers, 3) [m] around a reset point (3,) [m]."""
 
     def _set_workspace(self, workspace: Workspace) -> None:
-        """Notes a workspace, and in `_low` and `_high` the `limits` that follow."""
+        """Stores a workspace, and in `_low` and `_high` the `limits` that follow from it."""
         self._workspace = workspace
 
     # ------------------------------------------------------------------ motion
 
     def commands(self, actions: Array) -> GripCommand:
-        """What actions (..., action_size) of NumPy or PyTorch have grippers do in each sim step."""
+        """Returns the command per sim step for actions (..., action_size), NumPy or PyTorch."""
         each = actions.reshape((*actions.shape[:-1], self.num_grippers, 4))
         return GripCommand(MAX_DISPLACEMENT * each[..., :3], each[..., 3] > 0.0)
 
@@ -139,28 +139,29 @@ class Gripper(BodyActor):
         self._command = self.commands(action)
 
     def displacing(self, fractions: np.ndarray, grips: Sequence[bool] | np.ndarray) -> np.ndarray:
-        """The action (action_size,) that moves grippers and nothing else, where it `displaces`.
+        """Returns the action (action_size,) that moves grippers only, for one that `displaces`.
 
         Args:
-            fractions: of `MAX_DISPLACEMENT` along X, Y and Z in a sim step (num_grippers, 3).
+            fractions: fractions of `MAX_DISPLACEMENT` along X, Y and Z in a sim step (num_grippers,
+                3).
             grips: whether each gripper closes (num_grippers,).
         """
         return np.column_stack([fractions, np.where(grips, 1.0, -1.0)]).ravel()
 
     @abc.abstractmethod
     def positions(self) -> np.ndarray:
-        """Gripper centres (num_grippers, 3) [m]."""
+        """Returns gripper centers (num_grippers, 3) [m]."""
 
     def commanded_positions(self) -> np.ndarray:
-        """Where the grippers are told to be (num_grippers, 3) [m]; they may lag behind."""
+        """Returns commanded positions of the grippers (num_grippers, 3) [m], which arms may lag."""
         return self.positions()
 
     def within_reach(self, i: int, point: np.ndarray) -> np.ndarray:
-        """Where gripper `i` goes to when it is told to go to a point (3,) [m] of the workspace."""
+        """Returns where gripper `i` goes if commanded to a point (3,) [m] of the workspace."""
         return point
 
     def proprioception(self) -> np.ndarray:
-        """The gripper centres (x, y, z each) [m]."""
+        """Returns the gripper centers (x, y, z each) [m]."""
         return self.positions().ravel()
 
     @property
@@ -168,7 +169,7 @@ class Gripper(BodyActor):
         return {f"gripper {i} (x, y, z) [m]": 3 for i in range(self.num_grippers)}
 
     def remembered(self) -> np.ndarray:
-        """As `grip.remembered` (4 * num_grippers,)."""
+        """Returns the grips as `grip.remembered` does (4 * num_grippers,)."""
         return remembered(self._holding.grips)
 
     @property

@@ -1,4 +1,4 @@
-"""`Holding`: what grippers hold of a flex, and `Attachment`, as pickers and arms do."""
+"""`Holding`: vertices that grippers hold; `Attachment`: holds of pickers and of arms."""
 
 import math
 
@@ -18,15 +18,15 @@ from softgym_mj.robots.grip import (
 
 
 class Holding:
-    """What grippers hold of an object, and what became of holds in this episode.
+    """Vertices that grippers hold, and counts of ended holds in this episode.
 
     Attributes:
-        grips: which vertices they hold, and how.
-        yielded: how many holds have ended because grippers pulled too hard.
+        grips: state of the grips.
+        yielded: number of holds that were released under load.
     """
 
     def __init__(self, num_grippers: int):
-        """All of `num_grippers` grippers hold nothing."""
+        """Starts with `num_grippers` grippers that hold nothing."""
         self._start = GripState(
             centre=np.zeros((num_grippers, 3)),
             held=np.full(num_grippers, NONE),
@@ -37,7 +37,7 @@ class Holding:
 
     @property
     def vertices(self) -> list[int]:
-        """That each gripper holds; negative for none."""
+        """Vertex index that each gripper holds; negative for none."""
         return self.grips.held.tolist()
 
     def manipulate(self, target: Flex | FlexGroup) -> None:
@@ -49,16 +49,16 @@ class Holding:
         self.grips, self.yielded = _copied(self._start), 0
 
     def _drop(self, i: int, held: int = NONE) -> None:
-        """Notes that gripper `i` no longer holds what it held, but `held`."""
+        """Ends the hold of gripper `i`, whose state becomes `held`."""
         self.grips.held[i] = held
         self.grips = self.grips._replace(dropped=self.grips.dropped + 1)
 
     def get_state(self) -> dict[str, np.ndarray]:
-        """What is held, for snapshots."""
+        """Returns the state of the holds, for snapshots."""
         return {**_copied(self.grips)._asdict(), "yielded": np.array(self.yielded)}
 
     def set_state(self, state: dict[str, np.ndarray]) -> None:
-        """Restores what `get_state` returned."""
+        """Restores the state that `get_state` returned."""
         self.grips = _copied(GripState(*(state[name] for name in GripState._fields)))
         self.yielded = int(state["yielded"])
 
@@ -68,18 +68,17 @@ def _copied(grips: GripState) -> GripState:
 
 
 class Attachment(Holding):
-    """Vertices attached to grippers, each where it is relative to the gripper's centre.
+    """Vertices attached to grippers at fixed offsets from the grippers' centers.
 
-    A held vertex keeps its offset to the centre, except that it is never pushed below its resting
-    height on the floor, and gives way to layers that it is pressed on. No force in the object can
-    stop two that are pulled apart: before they get further from each other than
-    `Flex.largest_gap`, the one that was taken later slips away. So does one that friction or weight
-    pulls at with more than `Flex.hold_force`, and one that is caught: more than
-    `Flex.max_tracking_error` behind. The gripper takes nothing more until it has been open.
+    A held vertex keeps its offset, but is never pushed below its resting height on the floor, and
+    yields to layers that it is pressed on. A hold is released under load in three cases: before two
+    held vertices are further apart than `Flex.largest_gap`, the one that was taken later; if a
+    vertex pulls with more than `Flex.hold_force`; if its tracking error exceeds
+    `Flex.max_tracking_error`, as it is caught. The gripper then takes nothing until it has opened.
     """
 
     def __init__(self, num_grippers: int):
-        """All of `num_grippers` grippers hold nothing."""
+        """Starts with `num_grippers` grippers that hold nothing."""
         super().__init__(num_grippers)
         self._order = np.zeros(num_grippers, int)  # Later holds have higher numbers.
 
@@ -89,7 +88,7 @@ class Attachment(Holding):
         self._order[:] = 0
 
     def take(self, i: int, vertex: int, offset: np.ndarray) -> None:
-        """Gripper `i` holds a vertex at `offset` (3,) [m] from its centre."""
+        """Attaches a vertex to gripper `i` at `offset` (3,) [m] from its center."""
         self.grips.held[i], self.grips.offset[i] = vertex, offset
         self._hold(i, vertex)
 
@@ -98,7 +97,7 @@ class Attachment(Holding):
         self._target.hold(vertex)
 
     def step(self, command: GripCommand, limits: GripLimits) -> None:
-        """A sim step of `step_grips`."""
+        """Runs a sim step of `step_grips`."""
         before = self.vertices
         self.grips = step_grips(self.grips, command, self._target.displacements_from, None, limits)
         after = self.vertices
@@ -112,23 +111,23 @@ class Attachment(Holding):
                 self._hold(i, new)
 
     def drive(self, centres: np.ndarray, timestep: float) -> None:
-        """Moves what is held so that it belongs to `centres` (n, 3) [m] after `timestep` [s]."""
+        """Moves held vertices so that they fit `centres` (n, 3) [m] after `timestep` [s]."""
         if max(self.vertices) < 0:
             return
         goals = self.places(centres)
-        self._give_way(goals)
+        self._release_overloaded(goals)
         for goal, vertex in zip(goals, self.vertices, strict=True):
             if vertex >= 0:
                 self._target.drive(vertex, goal, timestep)
 
-    def _give_way(self, goals: np.ndarray) -> None:
-        """Ends holds that pull too hard or are too far behind `goals` (n, 3) [m].
+    def _release_overloaded(self, goals: np.ndarray) -> None:
+        """Releases holds under load or too far behind `goals` (n, 3) [m].
 
-        And later ones that these would pull too far from earlier ones.
+        Later holds that these pull too far from earlier ones are released, too.
         """
         for i, vertex in enumerate(self.vertices):
             if vertex >= 0 and self._target.is_overloaded(vertex, goals[i]):
-                self.slip(i)
+                self.release_overloaded(i)
         vertices = self.vertices
         holders = [i for i, vertex in enumerate(vertices) if vertex >= 0]
         if len(holders) < 2:
@@ -144,16 +143,16 @@ class Attachment(Holding):
         kept = kept_in_order([True] * len(holders), distance, gap)
         for i, stays in zip(holders, kept, strict=True):
             if not stays:
-                self.slip(i)
+                self.release_overloaded(i)
 
-    def slip(self, i: int) -> None:
-        """What gripper `i` holds is pulled out of it."""
+    def release_overloaded(self, i: int) -> None:
+        """Releases the vertex of gripper `i` under load."""
         self._target.release(self.vertices[i])
         self._drop(i, SLIPPED)
         self.yielded += 1
 
     def places(self, centres: np.ndarray) -> np.ndarray:
-        """Where held vertices belong (n, 3) [m] with grippers at `centres`; NaN if none is held."""
+        """Returns targets of held vertices (n, 3) [m] for grippers at `centres`; NaN for none."""
         goals = centres + self.grips.offset
         for goal, vertex in zip(goals, self.vertices, strict=True):
             if vertex >= 0:

@@ -16,22 +16,22 @@ from softgym_mj.robots.gripper import gripper_actions
 from softgym_mj.robots.picker import Picker
 from softgym_mj.robots.workspace import Workspace
 
-STEP = 0.01  # [m] Way of a picker in a sim step.
-MAX_STEPS = 300  # Sim steps of a way; what is further is reached with the next action.
-APPROACH_HEIGHT = 0.2  # [m] At which the pixel picker moves over what it will take,
-PICK_HEIGHT = 0.01  # and height [m] above an object's resting height at which it takes it.
-LARGEST_OFFSET = 0.3  # [m] Of the place from the pick point along every axis.
-SETTLE_STEPS = 20  # Sim steps after the pixel picker has let go.
-# Whether the pixel picker is closed in the parts of its route: over the point, down, to rest there,
-# to the place, to rest there, to rest when it has let go.
+STEP = 0.01  # [m] Displacement of a picker in a sim step.
+MAX_STEPS = 300  # [sim steps] Longest leg; a target further away takes another action.
+APPROACH_HEIGHT = 0.2  # [m] Height at which the pixel picker moves over its target,
+PICK_HEIGHT = 0.01  # and height [m] above an object's resting height at which it picks.
+LARGEST_OFFSET = 0.3  # [m] Largest offset of the place from the pick point along every axis.
+SETTLE_STEPS = 20  # [sim steps] Rest after the release.
+# Whether the pixel picker is closed in the parts of its route: over the point, down, rest, to the
+# place, rest, rest after the release.
 CLOSED = (False, False, True, True, True, False)
 
 
 class Legs(NamedTuple):
-    """Straight ways.
+    """Straight motions of n pickers.
 
     Attributes:
-        end: where they end (..., n, 3) [m].
+        end: end positions (..., n, 3) [m].
         step: displacement in each sim step (..., n, 3) [m].
         steps: number of sim steps (...).
     """
@@ -42,11 +42,11 @@ class Legs(NamedTuple):
 
 
 def legs(start: Array, goals: Array, low: Array, high: Array) -> Legs:
-    """Returns ways that n pickers make together, each to its goal or towards it.
+    """Returns simultaneous straight motions of n pickers, each to or towards its goal.
 
     Args:
         start, goals: positions (..., n, 3) [m].
-        low, high: ends of the workspace, which goals are moved into (..., n, 3) [m].
+        low, high: ends of the workspace, to which goals are clipped (..., n, 3) [m].
     """
     xp = namespace(start)
     way = xp.maximum(xp.minimum(goals, high), low) - start
@@ -63,12 +63,12 @@ def legs(start: Array, goals: Array, low: Array, high: Array) -> Legs:
 def shown_points(view: Array, pixels: Array, height: Array) -> Array:
     """Returns where rays of pixels meet a plane (..., 3) [m].
 
-    A ray that looks above the horizon gives the point below the camera.
+    A ray above the horizon gives the point below the camera.
 
     Args:
         view: cameras' positions, rotations by rows, and tangents of half their angle (..., 13).
         pixels: right and down, in [-1, 1] (..., 2).
-        height: of the plane [m].
+        height: height of the plane [m].
     """
     xp = namespace(view)
     half, rotation = view[..., 12], view[..., 3:12].reshape((*view.shape[:-1], 3, 3))
@@ -86,12 +86,12 @@ def shown_points(view: Array, pixels: Array, height: Array) -> Array:
 def routes(
     start: Array, points: Array, actions: Array, low: Array, high: Array
 ) -> list[tuple[Array, Array]]:
-    """Returns displacements in a sim step (..., 1, 3) [m] and numbers of sim steps (...) of parts.
+    """Returns displacements per sim step (..., 1, 3) [m] and numbers of sim steps (...) of parts.
 
     Args:
-        start: where pixel pickers are (..., 1, 3) [m].
-        points: what their pixels show (..., 3) [m].
-        actions: (..., 5), as `PixelPickAndPlace` takes them.
+        start: positions of pixel pickers (..., 1, 3) [m].
+        points: points shown by their pixels (..., 3) [m].
+        actions: (..., 5), as in `PixelPickAndPlace`.
         low, high: ends of the workspace (..., 1, 3) [m].
     """
     xp = namespace(start)
@@ -109,7 +109,7 @@ def routes(
 
 
 class RoutePicker(Picker):
-    """A picker whose action is a route: it takes as many sim steps as that needs."""
+    """Picker whose action is a route with as many sim steps as it needs."""
 
     horizon = 20
     sim_steps = 0
@@ -129,7 +129,7 @@ class RoutePicker(Picker):
         self._end = self._centre.copy()
 
     def _go(self, goals: np.ndarray, grips: Sequence[bool]) -> None:
-        """Adds a straight way to `goals` (num_pickers, 3) [m], within the workspace."""
+        """Adds a straight motion to `goals` (num_pickers, 3) [m], within the workspace."""
         leg = legs(self._end, goals, self._low, self._high)
         self._end = leg.end
         self._route += [GripCommand(leg.step, np.array(grips))] * int(leg.steps)
@@ -158,10 +158,10 @@ class RoutePicker(Picker):
 class PickAndPlace(RoutePicker):
     """Pickers that move to absolute targets.
 
-    The action has four entries a picker: its target as a fraction of the workspace, from -1 (low)
-    to 1 (high) along X, Y, Z, and grip (> 0 closes, <= 0 opens), which holds for the whole way and
-    the one sim step of rest at its end. The pickers arrive together; the one with
-    the longer way moves at 1 m/s.
+    The action has four entries for each picker: its target as a fraction of the workspace, from -1
+    (low) to 1 (high) along X, Y, Z, and grip (> 0 closes, <= 0 opens), which holds for the whole
+    motion and one sim step of rest. The pickers arrive together; the one with the longest path
+    moves at 1 m/s.
     """
 
     name = "pick_and_place"
@@ -180,12 +180,11 @@ class PickAndPlace(RoutePicker):
 
 
 class PixelPickAndPlace(RoutePicker):
-    """One picker that takes what a pixel of the task's camera shows and puts it down elsewhere.
+    """Picker that picks at a pixel of the task's camera and places elsewhere (Wu et al., 2020).
 
     The action has five entries: the pixel from -1 to 1 (left to right, top to bottom) and the place
     relative to the pick point: dX, dY from -0.3 m (-1) to 0.3 m (1) and dZ from 0 (-1) to 0.3 m
-    (1). The pixel is taken to show the plane at which the object rests on the floor. Used by Wu et
-    al. 2020.
+    (1). The pixel is projected onto the plane of an object that rests on the floor.
     """
 
     name = "pixel_pick_and_place"
@@ -215,15 +214,15 @@ class PixelPickAndPlace(RoutePicker):
         self._camera_id = self._model.camera(self._camera).id
 
     def view(self) -> np.ndarray:
-        """The camera (13,), for `shown_points`."""
+        """Returns the camera (13,) for `shown_points`."""
         camera = self._camera_id
         half = math.tan(math.radians(self._model.cam_fovy[camera]) / 2)
         return np.array([*self._data.cam_xpos[camera], *self._data.cam_xmat[camera], half])
 
     def point(self, pixel: np.ndarray) -> np.ndarray:
-        """Where the ray of a pixel (2,) in [-1, 1] meets the plane of the resting object (3,) [m].
+        """Returns where the ray of a pixel (2,) in [-1, 1] meets the plane of the object (3,) [m].
 
-        A ray that looks above the horizon gives the point below the camera.
+        A ray above the horizon gives the point below the camera.
         """
         return shown_points(self.view(), pixel, np.float64(self._target.radius))
 

@@ -16,13 +16,13 @@ from softgym_mj.robots.gripper import Gripper
 from softgym_mj.robots.holding import Attachment
 from softgym_mj.robots.workspace import Workspace
 
-# [kg] Pickers are driven by their velocity, which contacts then know of (a mocap body counts as
-# standing still: it runs through a rope instead of pushing it). Their mass is so large that nothing
-# pushes them out of their way: with 1 t and more the cloth solver counts a body as driven.
+# [kg] Pickers are driven by their velocity, which contacts take into account; a mocap body counts
+# as at rest and would run through a rope. With this mass nothing pushes them aside: from 1 t on the
+# cloth solver treats a body as driven.
 MASS = 1e4
-MOST_PICKERS = 32  # More stand in a ring that is wider than any workspace.
-# What is drawn, in radii: from, to above the centre, radius, surface. A ball of rubber, which is
-# what is felt, on a shaft with a collar.
+MOST_PICKERS = 32  # The starting ring of more pickers is wider than any workspace.
+# Rendered parts in radii: from, to above the center, radius, surface. A ball of rubber, the
+# collision shape, on a shaft with a collar.
 _BALL = GRAPHITE
 _PARTS = (
     ("collar", 0.76, 1.08, 0.60, SIGNAL),
@@ -162,7 +162,7 @@ class Picker(Gripper):
         self._holding.drive(position, timestep)
 
     def held_positions(self) -> np.ndarray:
-        """Where each held vertex belongs (num_pickers, 3) [m]; NaN where none is held."""
+        """Returns the targets of held vertices (num_pickers, 3) [m]; NaN for none."""
         return self._holding.places(self._centre)
 
     def positions(self) -> np.ndarray:

@@ -132,7 +132,7 @@ def slow_order(holds, distances, gaps) -> list[bool]:
     return [i in stay for i in range(len(holds))]
 
 
-def test_later_holds_give_way_to_earlier_ones():
+def test_later_holds_are_released_before_earlier_ones():
     """Of one simulation, and of many in arrays."""
     random = np.random.default_rng(0)
     number = 5

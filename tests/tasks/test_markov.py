@@ -50,7 +50,7 @@ def test_a_grip_that_is_closed_and_one_that_has_slipped():
     """Neither holds; the first takes what comes near, the second nothing until it was open."""
     env = above_the_rope()
     env.task.actor.take([0, 40])
-    env.task.actor._holding.slip(1)
+    env.task.actor._holding.release_overloaded(1)
     slipped = added(seen(env)).reshape(2, 4)
     assert slipped[:, 0].tolist() == [1.0, -1.0] and not slipped[1, 1:].any()
     action = np.concatenate([CLOSED, CLOSED])

@@ -1,4 +1,4 @@
-"""`ArmAction`: what the entries of an action of arms are, and how they lead the joints."""
+"""`ArmAction`: base of the action spaces of arms, which lead the joints."""
 
 import abc
 from collections.abc import Callable
@@ -8,20 +8,20 @@ import numpy as np
 from softgym_mj.robots.arm.joint_servos import JointServos
 from softgym_mj.robots.base import ActionSpace
 
-# Points (n, 3) [m] that hands are sent to, and those that they may go to instead.
+# Maps commanded points (n, 3) [m] to allowed ones.
 Clip = Callable[[np.ndarray], np.ndarray]
 
 
 class ArmAction(abc.ABC):
     """Leads the joints of n arms from the entries of an action.
 
-    In an env step: `command` once, then `advance` and, every other time, `follow` in every sim
-    step.
+    Call order: `command` once in an env step; `advance` in every sim step, `follow` in every other
+    one.
 
     Attributes:
         name: key in `arms.ACTIONS`.
-        displaces: whether an action says by how much tool points move.
-        turns: whether it then has a rotation vector, which says by how much tools turn.
+        displaces: whether an action is a displacement of tool points.
+        turns: whether it also has a rotation vector of the tools.
     """
 
     name: str
@@ -29,11 +29,11 @@ class ArmAction(abc.ABC):
     turns = False
 
     def __init__(self, servos: JointServos, clip: Clip):
-        """Binds it to what it leads, at home; `start` has to be called before anything else.
+        """Binds the action to the servos, at home; call `start` before anything else.
 
         Args:
-            servos: of the arms.
-            clip: where tool points may go to.
+            servos: servos of the arms.
+            clip: clips tool points to their range.
         """
         self._servos, self._clip = servos, clip
         self._controller = servos.controller
@@ -41,7 +41,7 @@ class ArmAction(abc.ABC):
     @property
     @abc.abstractmethod
     def actions(self) -> ActionSpace:
-        """What the entries are: those of each arm one after the other, its grip last."""
+        """Entries of an action: those of one arm after the other, each ending with its grip."""
 
     @abc.abstractmethod
     def start(self, points: np.ndarray) -> None:
@@ -55,15 +55,15 @@ class ArmAction(abc.ABC):
 
     @abc.abstractmethod
     def displacing(self, fractions: np.ndarray, grips: np.ndarray) -> np.ndarray:
-        """The action (action_size,) that moves tool points alone, as `Gripper.displacing`."""
+        """Returns the action (action_size,) that moves tool points only: `Gripper.displacing`."""
 
     @abc.abstractmethod
     def advance(self) -> None:
-        """Starts a sim step: moves what is commanded, and the filter behind it."""
+        """Starts a sim step: moves the commanded points, and the filter behind them."""
 
     @abc.abstractmethod
     def follow(self, steps: int) -> None:
-        """Moves the controller's reference to where the filter will be in so many sim steps."""
+        """Moves the controller's reference to the filter's prediction `steps` sim steps ahead."""
 
     @property
     @abc.abstractmethod
@@ -77,17 +77,17 @@ class ArmAction(abc.ABC):
 
     @abc.abstractmethod
     def remembered(self) -> np.ndarray:
-        """What is commanded, as numbers (k,)."""
+        """Returns the commanded state as numbers (k,)."""
 
     @property
     @abc.abstractmethod
     def remembers(self) -> dict[str, int]:
-        """How many of these numbers are what, with their unit, in order."""
+        """Number of entries of `remembered` by name and unit, in order."""
 
     @abc.abstractmethod
     def get_state(self) -> dict[str, np.ndarray]:
-        """For snapshots."""
+        """Returns the state for snapshots."""
 
     @abc.abstractmethod
     def set_state(self, state: dict[str, np.ndarray]) -> None:
-        """Restores what `get_state` returned."""
+        """Restores the state that `get_state` returned."""

@@ -1,4 +1,4 @@
-"""`ArmActor`: what actors with robot arms have in common, whatever their hands do."""
+"""`ArmActor`: base of the actors with robot arms."""
 
 import numpy as np
 
@@ -11,13 +11,13 @@ from softgym_mj.robots.base import BodyActor
 
 
 class ArmActor(BodyActor):
-    """Robot arms whose joints follow a filtered command, whatever that is.
+    """Robot arms whose joints follow a filtered command.
 
-    A subclass's `_build` sets `_mjcf_root`, the attributes and `_lead`, what leads the joints.
+    A subclass's `_build` sets `_mjcf_root`, the attributes and `_lead`, which leads the joints.
 
     Attributes:
-        arm: the kind of arm.
-        servos: what moves the joints.
+        arm: kind of arm.
+        servos: joint servos.
     """
 
     hides_view = True
@@ -29,7 +29,7 @@ class ArmActor(BodyActor):
 
     @property
     def controller(self) -> CartesianController:
-        """What leads the joints."""
+        """Controller that leads the joints."""
         return self.servos.controller
 
     def after_compile(self, physics, random_state):
@@ -39,7 +39,7 @@ class ArmActor(BodyActor):
         self.servos.move(fraction)
 
     def proprioception(self) -> np.ndarray:
-        """What the arms sense of themselves (n (8 + 2 joints),), see `JointServos.sensed`."""
+        """Returns the arms' own state (n (8 + 2 joints),): see `JointServos.sensed`."""
         return self.servos.sensed()
 
     @property

@@ -1,7 +1,7 @@
 """`Arms`: one or two robot arms whose hands hold vertices of a flex.
 
-The arms are led by their tool points, the points between the fingers. How the fingers hold is up to
-a `Grasp`: attached to the real tool point, wherever the joints are, or by friction.
+The arms follow commands to their tool points, the points between the fingers. A `Grasp` defines how
+the fingers hold: attached to the actual tool point, or by friction.
 """
 
 from collections.abc import Sequence
@@ -26,20 +26,21 @@ from softgym_mj.robots.workspace import Workspace
 ACTIONS: dict[str, type[ArmAction]] = {
     kind.name: kind for kind in (PositionAction, PoseAction, JointAction)
 }
-START_OFFSET = 0.1  # [m] Of the tools from the reset point along Y, each on the side of its base.
+# [m] Distance of the tools from the reset point along Y, each on the side of its base.
+START_OFFSET = 0.1
 
 
 class Arms(ArmActor, Gripper):
     """One or two arms of a kind that hold vertices of an object.
 
-    The action is one of `ACTIONS`; that of pickers, (dx, dy, dz) of the commanded tool point and
-    grip, is usual. A commanded point stays within the workspace and the arm's reach. The arm
-    follows as fast as its joints can, and no nearer to the other arm than some centimetres; what is
-    commanded waits where the arm falls behind. Grips are those of the `Grasp`. Hands and open
-    fingers push the object; the links of the arms pass through it.
+    The action is one of `ACTIONS`; by default it is that of pickers, (dx, dy, dz) of the commanded
+    tool point and grip. A commanded point stays within the workspace and the arm's reach. The arm
+    follows as fast as its joints can, and keeps some centimeters from the other arm; the command
+    waits if the arm falls behind. Grips are those of the `Grasp`. Hands and open fingers push the
+    object; the links of the arms pass through it.
 
     Attributes:
-        mounts: where each arm stands.
+        mounts: base of each arm.
         pick_distance: largest distance [m] between a tool point and a vertex that the hand can
             take.
     """
@@ -62,13 +63,13 @@ class Arms(ArmActor, Gripper):
         """Builds the arms.
 
         Args:
-            arm: the kind of arm.
-            num_arms: 1, which stands at -Y and faces +Y, or 2 that face each other.
-            base_height: of the mounting planes above the floor [m].
-            mounts: where the arms stand, instead of these.
+            arm: kind of arm.
+            num_arms: 1, at -Y and facing +Y, or 2 that face each other.
+            base_height: height of the mounting planes above the floor [m].
+            mounts: other bases of the arms.
             grasp: how they hold: "attach" or "friction".
             visual: "primitive" or "menagerie", as in `arm_bodies.add_arms`.
-            action: what its entries are: "position", "pose" or "joints".
+            action: "position", "pose" or "joints".
 
         Raises:
             InvalidArgumentError: for another number of arms; if there is no such grasp, look or
@@ -104,11 +105,11 @@ class Arms(ArmActor, Gripper):
         self._holding.use(self.servos.fingers)
 
     def within_reach(self, i: int, point: np.ndarray) -> np.ndarray:
-        """Where arm `i` goes to when it is told to go to a point (3,) [m].
+        """Returns where arm `i` goes if commanded to a point (3,) [m].
 
-        The point is moved into the box `limits` and, from where the arm is too short for it,
-        straight towards the base at the same height. Joints may stop an arm before: a Franka 5 cm
-        before, near the floor when its base is 0.5 m high.
+        The point is clipped to the box `limits` and, beyond the arm's reach, moved straight towards
+        the base at the same height. Joint limits may stop an arm earlier: a Franka 5 cm earlier,
+        near the floor with its base 0.5 m high.
         """
         return self.mounts[i].clip(np.clip(point, self._low, self._high))
 
@@ -117,7 +118,7 @@ class Arms(ArmActor, Gripper):
 
     @property
     def at_reach(self) -> int:
-        """How many commanded points lie at the end of an arm's reach, and so may be clipped."""
+        """Number of commanded points at the end of an arm's reach, which may be clipped."""
         points = zip(self.mounts, self._lead.commanded, strict=True)
         return sum(mount.at_end(point) for mount, point in points)
 
@@ -128,7 +129,7 @@ class Arms(ArmActor, Gripper):
         return positions
 
     def order(self, points: np.ndarray) -> list[int]:
-        """An arm reaches for what is on its side."""
+        """Returns the points in the order of the arms: each arm reaches for its own side."""
         if self.num_grippers == 1 or points[0, 1] <= points[1, 1]:
             return list(range(len(points)))
         return [1, 0]
@@ -157,7 +158,7 @@ class Arms(ArmActor, Gripper):
         return self._lead.displacing(fractions, np.asarray(grips))
 
     def plan(self) -> None:
-        """Moves what is commanded by the action, as far as it may go, and the arms after."""
+        """Moves the commanded points by the action, as far as allowed, and the arms after them."""
         self._lead.advance()
         self._holding.plan(self._closed, self.positions())
         self.servos.plan(self._lead.follow)
@@ -170,22 +171,22 @@ class Arms(ArmActor, Gripper):
         self._holding.sense(self._closed, self.positions)
 
     def _ahead(self, timestep: float) -> np.ndarray:
-        """Where the tool points (num_grippers, 3) [m] will be after `timestep` [s].
+        """Returns predicted tool points (num_grippers, 3) [m] after `timestep` [s].
 
-        But for what the joints speed up by: 1 to 3 mm in a jerk.
+        The prediction neglects joint acceleration: 1 to 3 mm in a jerk.
         """
         return self.positions() + timestep * self.servos.velocities()
 
     def positions(self) -> np.ndarray:
-        """Tool points (num_grippers, 3) [m], where they are, not where they are commanded to be."""
+        """Returns actual tool points (num_grippers, 3) [m], not commanded ones."""
         return self.servos.points()
 
     def commanded_positions(self) -> np.ndarray:
-        """Commanded tool points (num_grippers, 3) [m]."""
+        """Returns commanded tool points (num_grippers, 3) [m]."""
         return self._lead.commanded
 
     def commanded_quaternions(self) -> np.ndarray:
-        """Orientations (num_grippers, 4) that tools are told to have, as (w, x, y, z).
+        """Returns commanded orientations (num_grippers, 4) of tools as (w, x, y, z).
 
         Raises:
             InvalidArgumentError: unless `action` is "pose".
@@ -195,11 +196,13 @@ class Arms(ArmActor, Gripper):
     def posing(
         self, fractions: np.ndarray, turned: np.ndarray, grips: Sequence[bool] | np.ndarray
     ) -> np.ndarray:
-        """The action (action_size,) that moves and turns tools.
+        """Returns the action (action_size,) that moves and rotates tools.
 
         Args:
-            fractions: of `MAX_DISPLACEMENT` along X, Y and Z in a sim step (num_grippers, 3).
-            turned: rotation vectors about these, of `MAX_TURN` in a sim step (num_grippers, 3).
+            fractions: fractions of `MAX_DISPLACEMENT` along X, Y and Z in a sim step (num_grippers,
+                3).
+            turned: rotation vectors about these as fractions of `MAX_TURN` in a sim step
+                (num_grippers, 3).
             grips: whether each gripper closes (num_grippers,).
 
         Raises:
@@ -214,7 +217,7 @@ class Arms(ArmActor, Gripper):
         return self._lead
 
     def remembered(self) -> np.ndarray:
-        """As of all grippers, then what is commanded (4 * num_grippers + k,)."""
+        """Returns the grips, then the commanded state (4 * num_grippers + k,)."""
         return np.concatenate([super().remembered(), self._lead.remembered()])
 
     @property
@@ -222,9 +225,9 @@ class Arms(ArmActor, Gripper):
         return super().remembers | self._lead.remembers
 
     def reference_positions(self) -> np.ndarray:
-        """Tool points (num_grippers, 3) [m] that the joints are led along.
+        """Returns tool points (num_grippers, 3) [m] of the joints' reference.
 
-        They go after the commanded ones, see `CommandFilter`.
+        They follow the commanded ones: see `CommandFilter`.
         """
         return self._lead.leading
 

@@ -1,4 +1,4 @@
-"""The bodies of arms in a scene, and the same arms alone, for kinematics."""
+"""Bodies of arms in a scene, and the same arms alone for kinematics."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -14,28 +14,28 @@ from softgym_mj.robots.arm import menagerie
 from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.arm.mounts import Mount
 
-# [s] Damping over stiffness of the servos in a scene. The models have 0.05, with which a servo at
-# its torque limit flutters at steps of 10 ms: its damping then counts as explicit.
+# [s] Damping over stiffness of the servos in a scene. With the models' 0.05, a servo at its torque
+# limit flutters at steps of 10 ms, because its damping is then explicit.
 DAMPING = 0.015
 FLOOR = "floor"  # Geom of the kinematic model.
-CAMERA = "wrist"  # On the hand of an arm's model; in a scene, with the arm's number.
+CAMERA = "wrist"  # Camera on the hand of an arm's model; in a scene, with the arm's number.
 PEDESTAL, PEDESTAL_COLOR = 0.11, (0.25, 0.26, 0.28, 1.0)  # Radius [m] and colour: steel grey.
 
 
 def names(arm: Arm, number: int) -> tuple[str, ...]:
-    """Names (number,) of the arms' models."""
+    """Returns the names (number,) of the arms' models."""
     return tuple(f"{arm.name}_{i}" for i in range(number))
 
 
 def wrists(number: int) -> tuple[str, ...]:
-    """Names (number,) of the cameras on the arms' hands."""
+    """Returns the names (number,) of the cameras on the arms' hands."""
     return tuple(f"{CAMERA}_{i}" for i in range(number))
 
 
 def home(arm: Arm) -> np.ndarray:
-    """Joint angles (joints,) [rad] in which the fingers close across the arm's direction.
+    """Returns joint angles (joints,) [rad] in which the fingers close across the arm's direction.
 
-    Arms that meet face to face then turn the flat sides of their hands to each other.
+    Arms that face each other then turn the flat sides of their hands to each other.
     """
     angles = np.array(arm.home)
     angles[-1] -= math.copysign(math.pi / 2, angles[-1])
@@ -56,14 +56,14 @@ def add_arms(
 
     Args:
         root: the model.
-        arm: the kind of arm.
-        mounts: where the arms stand.
-        pad_contact: attributes of the pads' geoms that say how they touch.
-        least_pad: half width and half length [m] that the pads' geoms have at least.
-        visual: what they look like: "primitive", our own shapes, or "menagerie".
+        arm: kind of arm.
+        mounts: bases of the arms.
+        pad_contact: contact attributes of the pads' geoms.
+        least_pad: least half width and half length [m] of the pads' geoms.
+        visual: appearance: "primitive" for simple shapes, or "menagerie".
 
     Raises:
-        InvalidArgumentError: if there is no such look.
+        InvalidArgumentError: for an unknown `visual`.
         UnavailableError: as in `menagerie.replace_visuals`.
     """
     check_name("visual", visual, menagerie.VISUALS)
@@ -88,7 +88,7 @@ def add_arms(
 
 
 def kinematic_model(arm: Arm, mounts: Sequence[Mount], tips: float = 0.0) -> mujoco.MjModel:
-    """The arms alone, with open fingers: their joints, what may meet, and the floor.
+    """Returns a model of the arms alone, with open fingers, collision geoms and the floor.
 
     The pads lack the last `tips` [m], which may come nearer to the floor than the rest.
     """
@@ -102,7 +102,7 @@ def kinematic_model(arm: Arm, mounts: Sequence[Mount], tips: float = 0.0) -> muj
             if geom not in outer or geom.dclass.dclass == "visual":
                 geom.remove()
             else:
-                geom.contype = geom.conaffinity = 1  # What mink keeps apart must be able to touch.
+                geom.contype = geom.conaffinity = 1  # mink only keeps geoms apart that can collide.
         for pad in arm.pad_geoms:
             _shorten(model.find("geom", pad), tips)
         for kind in ("actuator", "equality"):
@@ -117,13 +117,13 @@ def kinematic_model(arm: Arm, mounts: Sequence[Mount], tips: float = 0.0) -> muj
 
 
 def outer_geoms(model: mujoco.MjModel, names: Sequence[str]) -> list[list[int]]:
-    """The shapes of each arm of a kinematic model."""
+    """Returns the geoms of each arm of a kinematic model."""
     owners = [model.geom(i).name.split("/")[0] for i in range(model.ngeom)]
     return [[i for i, owner in enumerate(owners) if owner == name] for name in names]
 
 
 def hand_geoms(model: mjcf.RootElement, arm: Arm) -> list[mjcf.Element]:
-    """What of the hand is solid: the pads, then the hand itself."""
+    """Returns the solid geoms of a hand: the pads, then the hand itself."""
     pads = [model.find("geom", pad) for pad in arm.pad_geoms]
     hand = pads[0].parent.parent
     return [*pads, *(geom for geom in hand.geom if geom.dclass.dclass == "collision")]
@@ -132,21 +132,21 @@ def hand_geoms(model: mjcf.RootElement, arm: Arm) -> list[mjcf.Element]:
 def tune(
     model: mujoco.MjModel, motors: np.ndarray, inertias: np.ndarray, torques: np.ndarray
 ) -> np.ndarray:
-    """Fits position servos to the physics step; returns their lag behind a command in motion [s].
+    """Fits position servos to the physics step; returns their lag behind a moving command [s].
 
     The "discrete" integrator is implicit in a servo's stiffness and damping, but MuJoCo clips the
-    force that it has before the step. Over a step of h, an inertia I gets 1 + (kv h + kp h^2) / I
-    times less of it. The force limits are wider by that factor, so that what speeds a joint up is
-    the torque of the motor.
+    force before the step. Over a step of h, an inertia I receives 1 + (kv h + kp h^2) / I times
+    less of it. The force limits are widened by that factor, so that the motor's torque accelerates
+    a joint.
 
-    That holds for joints that are free to move, with the inertia that they have at home. A joint
-    that is stopped by contact loses nothing: there the wider limits are what acts, 1.4 to 2.7 times
-    the motor's torque with steps of 10 ms and 1.2 to 1.7 times with 5 ms.
+    This is exact for joints that move freely, with their inertia at home. A joint that contact
+    stops receives the widened limit: 1.4 to 2.7 times the motor's torque with steps of 10 ms and
+    1.2 to 1.7 times with 5 ms.
 
     Args:
-        model: the compiled scene.
-        motors: the actuators (n,).
-        inertias: what they move (n,) [kg m^2].
+        model: compiled scene.
+        motors: actuators (n,).
+        inertias: inertias that they move (n,) [kg m^2].
         torques: their largest torques (n,) [N m].
     """
     step, stiffness = model.opt.timestep, model.actuator_gainprm[motors, 0]
@@ -161,12 +161,12 @@ def tune(
 def _load(arm: Arm, name: str) -> mjcf.RootElement:
     model = mjcf.from_path(arm.xml_path)
     model.model = name
-    model.keyframe.remove()  # It holds for this model alone: a scene has more coordinates.
+    model.keyframe.remove()  # The keyframe fits this model only: a scene has more coordinates.
     return model
 
 
 def _open(finger: mjcf.Element, position: float) -> None:
-    """Moves the body of a slide to where the slide is at `position` [m]."""
+    """Moves the body of a slide to the slide's `position` [m]."""
     body, way = finger.parent, np.zeros(3)
     axis = finger.dclass.joint.axis if finger.axis is None else finger.axis
     quaternion = np.array([1.0, 0.0, 0.0, 0.0] if body.quat is None else body.quat)
@@ -175,13 +175,13 @@ def _open(finger: mjcf.Element, position: float) -> None:
 
 
 def _shorten(pad: mjcf.Element, length: float) -> None:
-    """Takes `length` [m] off the far end of a pad."""
+    """Removes `length` [m] from the far end of a pad."""
     shape, along = pad.dclass.geom, np.array([0.0, 0.0, length / 2])
     pad.size, pad.pos = shape.size - along, shape.pos - along
 
 
 def _enlarge(pad: mjcf.Element, half_width: float, half_length: float) -> None:
-    """Gives a pad a least width and length [m]; its tip and the face that closes stay in place."""
+    """Gives a pad a least width and length [m]; its tip and its closing face stay in place."""
     width, depth, length = pad.dclass.geom.size
     pad.size = [max(width, half_width), depth, max(length, half_length)]
     pad.pos = pad.dclass.geom.pos - np.array([0.0, 0.0, pad.size[2] - length])

@@ -1,10 +1,10 @@
-"""`CartesianController`: joint motions that carry the tool points of arms along, by mink.
+"""`CartesianController`: joint motions that follow tool points of arms, by mink.
 
-Differential inverse kinematics on a model of the arms alone: a quadratic program finds the joint
+Differential inverse kinematics on a model of the arms alone: a quadratic program computes joint
 velocities that follow the commanded tool points, keep the tools upright, stay near the home posture
 and within the limits of joints and speeds. All arms share one program, which costs no more than one
-arm's. The reference is a configuration of its own: what contact does to the real arm does not feed
-back, so that a command is always the same whatever is held.
+arm's. The reference is a separate configuration without feedback from contact, so the same commands
+always give the same reference.
 """
 
 import itertools
@@ -17,24 +17,24 @@ import numpy as np
 from softgym_mj.robots.arm.command_filter import drawn_in
 from softgym_mj.robots.arm.kinematics import Clearance, Reference, Summed, ToolTask
 
-PERIOD = 0.02  # [s] From one solution to the next: 50 Hz.
+PERIOD = 0.02  # [s] Period of solutions: 50 Hz.
 # Costs of the tasks [1/m, 1/rad]. A firm orientation makes a Panda jump near singular poses.
 POSITION_COST, ORIENTATION_COST = 1.0, 0.05
 POSTURE_COST = 1e-3  # With 3e-3, arms stop 1 cm short where they are stretched out.
-# Share of the way home in a step that costs nothing else. With 1, an elbow that is let go swings
-# by 0.03 rad in 10 ms, and what the hand holds taut is torn away.
+# Gain of the posture task: share of the way home per step. With 1, an elbow that is released swings
+# by 0.03 rad in 10 ms and tears away what the hand holds taut.
 POSTURE_GAIN = 0.05
-# The second grows with the square of the error [1/m^2]: it calms arms that cannot get further.
+# The second grows with the square of the error [1/m^2]: it damps arms at the end of their reach.
 DAMPING, TASK_DAMPING = 1e-6, 10.0
-LIMIT_GAIN = 0.5  # Fraction of the way to a joint's limit that a solution may go.
-LIMIT_MARGIN = 1e-3  # [rad] Distance from the limits that a configuration keeps at least.
-# [m] Two arms keep this far apart, and slow down when they are within `AWARE` of that: a solution
-# may use up the fraction `APPROACH` of what is left.
+LIMIT_GAIN = 0.5  # Fraction of the distance to a joint's limit that a solution may use.
+LIMIT_MARGIN = 1e-3  # [rad] Least distance of a configuration from the limits.
+# [m] Least distance of two arms; within `AWARE` of it they slow down: a solution may use the
+# fraction `APPROACH` of the rest.
 CLEARANCE, AWARE, APPROACH = 0.06, 0.1, 0.2
-FLOOR_CLEARANCE = 0.01  # [m] The same for what an arm keeps from the floor.
-# [m] How far a commanded point may be ahead of the reference's: further, it waits.
+FLOOR_CLEARANCE = 0.01  # [m] Least distance of an arm from the floor.
+# [m] Largest distance of a commanded point from the reference's: beyond, it waits.
 LEAD = 0.03
-# A start is found in at most so many solutions of so many seconds, to this precision [m].
+# Limits of the search for a start: solutions, seconds for each, precision [m].
 SOLVE_STEPS, SOLVE_PERIOD, SOLVED = 200, 0.1, 1e-4
 
 
@@ -42,8 +42,9 @@ class CartesianController:
     """Follows tool points of one or more arms.
 
     Attributes:
-        home: the configuration (nq,) [rad] that is kept where nothing else matters.
-        failures: how often no solution was found since the last reset; the arms stood still then.
+        home: configuration (nq,) [rad] of the posture task.
+        failures: number of times that no solution was found since the last reset; the arms then
+            stood still.
     """
 
     def __init__(
@@ -56,16 +57,16 @@ class CartesianController:
         floor: int | None = None,
         orientation_cost: float = ORIENTATION_COST,
     ):
-        """Sets up the tasks; the tools keep the orientation that they have at home, unless told.
+        """Sets up the tasks; tools keep their orientation at home, unless commanded.
 
         Args:
             model: the arms alone, with nothing but their joints.
-            tools: names of the sites to lead, one an arm.
-            home: configuration (nq,) [rad] that is kept where nothing else matters.
+            tools: names of the sites to lead, one for each arm.
+            home: configuration (nq,) [rad] of the posture task.
             velocity_limits: largest speed [rad/s] of each joint by name.
             shapes: geoms of each arm; those of two arms keep apart.
-            floor: geom that all of these keep away from.
-            orientation_cost: what a radian off is worth [1/rad], where a metre off is worth 1.
+            floor: geom from which all of these keep away.
+            orientation_cost: cost of a radian [1/rad], where a meter costs 1.
         """
         low, high = model.jnt_range.T
         self._low, self._high = low + LIMIT_MARGIN, high - LIMIT_MARGIN

@@ -17,22 +17,23 @@ from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.arm.mounts import Mount
 from softgym_mj.robots.cup_mover import CupMover, CupTool
 
-ORIENTATION_COST = 0.3  # [1/rad]: a radian off is as bad as 0.3 m. Tilt pours.
-# [m/rad] Ways that a turn counts as where a speed or a lead is limited: about what is held.
+ORIENTATION_COST = 0.3  # [1/rad] A radian costs as much as 0.3 m, because tilt pours.
+# [m/rad] Length by which rotations are converted to distances where a speed or a lead is limited:
+# about the size of the cup.
 TURNS_AS = np.array([1.0, 1.0, 0.3])
-HALF_HANDLE = 0.01  # [m] Position of each finger on it.
+HALF_HANDLE = 0.01  # [m] Position of each finger on the handle.
 
 
 def turned(theta: float) -> np.ndarray:
-    """Rotation (3, 3) about +Y by an angle [rad]."""
+    """Returns a rotation matrix (3, 3) about +Y by an angle [rad]."""
     cosine, sine = math.cos(theta), math.sin(theta)
     return np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
 
 
 def clipped(points: np.ndarray, centres: np.ndarray, radius: float) -> np.ndarray:
-    """Points (n, 3), each entry moved to within `radius` of that of `centres` (n, 3).
+    """Returns points (n, 3), each entry clipped to within `radius` of that of `centres` (n, 3).
 
-    What is short of its place along X must not be lifted or turned for that.
+    Entries are clipped separately, so that a lag along X causes no lift or rotation.
     """
     return np.clip(points, centres - radius, centres + radius)
 
@@ -42,13 +43,12 @@ UPRIGHT = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
 
 
 class CupArm(ArmActor, CupMover):
-    """An arm, at the far side of the cup's way, with the cup's handle in its hand.
+    """Arm at the far side of the cup's path, with the cup's handle in its hand.
 
     The action is that of `CupMover`. The cup is fixed to the hand, which follows the commanded pose
-    as fast as its joints can; where it falls behind, or cannot get to, the commanded pose waits.
-    The handle is beside the cup: dtheta is a turn of the wrist about the way the hand points.
-    Water pushes the cup, hence the joints.
-    Nothing of the arm collides with anything.
+    as fast as its joints can; the command waits if the hand falls behind or cannot reach it. The
+    handle is beside the cup, so dtheta rotates the wrist about the pointing direction of the hand.
+    Water pushes the cup, hence the joints. The arm does not collide.
     """
 
     _lead: CommandFilter
@@ -57,8 +57,8 @@ class CupArm(ArmActor, CupMover):
         """Builds the arm around a cup.
 
         Args:
-            arm: the kind of arm.
-            tool: the cup, and how it may move.
+            arm: kind of arm.
+            tool: the cup, and limits of its motion.
             visual: as in `arm_bodies.add_arms`.
         """
         CupMover.__init__(self, tool)
@@ -83,7 +83,7 @@ class CupArm(ArmActor, CupMover):
 
     @property
     def reference_pose(self) -> np.ndarray:
-        """The pose (3,) of the cup in the hand of the controller's reference."""
+        """Pose (3,) of the cup in the hand of the controller's reference."""
         (point,), (rotation,) = self.controller.points(), self.controller.rotations()
         turn = product(rotation, UPRIGHT.T)
         theta = math.atan2(turn[0, 2], turn[0, 0])
@@ -99,14 +99,14 @@ class CupArm(ArmActor, CupMover):
         self.servos.fingers.put(0, HALF_HANDLE, HALF_HANDLE)
 
     def _tool(self, pose: np.ndarray) -> np.ndarray:
-        """The tool point (3,) [m] that gives the cup a pose."""
+        """Returns the tool point (3,) [m] for a pose of the cup."""
         return np.array([pose[0], 0.0, pose[1]]) + product(turned(pose[2]), np.array(GRIP))
 
     def _aim(self, pose: np.ndarray) -> None:
         self.controller.turn(product(turned(pose[2]), UPRIGHT)[None])
 
     def remembered(self) -> np.ndarray:
-        """The commanded pose (3,): x [m], z [m], theta [rad]; joints have the cup's velocity."""
+        """Returns the commanded pose (3,): x [m], z [m], theta [rad]; joints imply the velocity."""
         return self.commanded_pose
 
     @property
@@ -121,14 +121,14 @@ class CupArm(ArmActor, CupMover):
         return clipped(points, (self.reference_pose * TURNS_AS)[None], LEAD)
 
     def _follow(self, steps: int) -> None:
-        # The filter is taken to go on as it does until the controller's next solution.
+        # The filter is extrapolated to the controller's next solution.
         pose = (self._lead.points + steps * self._lead.step)[0] / TURNS_AS
         self._aim(pose)
         self.controller.follow(self._tool(pose)[None])
 
 
 def _grip_quaternion(tool: mjcf.Element) -> np.ndarray:
-    """Orientation (4,) of a site beside the tool's that has the axes of the cup that it holds."""
+    """Returns the orientation (4,) in the tool's frame of a site with the axes of the held cup."""
     own = np.array([1.0, 0.0, 0.0, 0.0] if tool.quat is None else tool.quat)
     back, result = np.empty(4), np.empty(4)
     mujoco.mju_mat2Quat(back, UPRIGHT.T.ravel())

@@ -1,4 +1,4 @@
-"""`Fingers`: those of the hands of arms in a compiled scene."""
+"""`Fingers`: the fingers of arms in a compiled scene."""
 
 from collections.abc import Sequence
 
@@ -9,14 +9,14 @@ from softgym_mj.entities.flex import GRIPPER_CONTACT
 from softgym_mj.native.arithmetic import squares
 from softgym_mj.robots.arm.models import Arm
 
-OUT_OF_THE_WAY = 0.07  # [m] From the tool point: beyond the pads of the widest hand.
+OUT_OF_THE_WAY = 0.07  # [m] Distance from the tool point beyond the pads of the widest hand.
 
 
 class Fingers:
-    """The fingers of n arms in a compiled scene.
+    """Fingers of n arms in a compiled scene.
 
     Attributes:
-        arm: the kind of arm.
+        arm: kind of arm.
         model, data: the scene.
         positions_at, speeds_at: addresses (n, 2) of their joints in qpos and qvel.
         motors: their actuators (n, 2).
@@ -26,7 +26,7 @@ class Fingers:
     def __init__(
         self, arm: Arm, model: mujoco.MjModel, data: mujoco.MjData, prefixes: Sequence[str]
     ):
-        """Finds them in a scene, by the prefixes (n,) of the names of each arm's elements."""
+        """Finds the fingers in a scene, by the name prefixes (n,) of each arm's elements."""
 
         def ids(find, elements):
             return np.array([[find(f"{p}/{element}").id for element in elements] for p in prefixes])
@@ -43,20 +43,22 @@ class Fingers:
         return self.data.qpos[self.positions_at].sum(axis=1)
 
     def open(self) -> None:
-        """Puts all of them where they are open, at rest."""
+        """Opens all fingers, at rest."""
         self.data.qpos[self.positions_at] = self.arm.finger_range[1]
         self.data.qvel[self.speeds_at] = 0.0
         self.data.ctrl[self.motors] = self.arm.finger_commands[1]
 
     def put(self, i: int, position: float, command: float) -> None:
-        """Puts those of arm `i` at `position` [m], commanded to be at `command` [m]."""
+        """Puts the fingers of arm `i` at `position` [m], commanded to `command` [m]."""
         self.data.qpos[self.positions_at[i]] = position
         self.data.ctrl[self.motors[i]] = command
 
     def clear(self, i: int, offsets: np.ndarray) -> bool:
-        """Whether those of arm `i` are open, with vertices at `offsets` (n, 3) [m] out of the way.
+        """Returns whether the fingers of arm `i` are open and clear of vertices.
 
-        Offsets are from the tool point.
+        Args:
+            i: index of the arm.
+            offsets: vertices relative to the tool point (n, 3) [m].
         """
         opened = self.data.qpos[self.positions_at[i]].min() > sum(self.arm.finger_range) / 2
         return bool(opened and squares(offsets).min() > OUT_OF_THE_WAY**2)

@@ -1,4 +1,4 @@
-"""How the fingers of arms hold vertices of a flex: attached to the hand, or by friction alone."""
+"""`Grasp`: how the fingers of arms hold vertices of a flex: attached or by friction."""
 
 import abc
 from collections.abc import Callable, Mapping
@@ -12,27 +12,29 @@ from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.grip import NONE, GripCommand, GripLimits
 from softgym_mj.robots.holding import Attachment, Holding
 
-# [m] From the tool point to a vertex that closing fingers catch: they open to 2 x 4 cm (Franka).
+# [m] Largest distance from the tool point to a vertex that closing fingers catch: they open to 2 x
+# 4 cm (Franka).
 PICK_DISTANCE = 0.03
 ANYWHERE = GripLimits(np.array(-np.inf), np.array(np.inf), PICK_DISTANCE)
-DRAW_SPEED = 0.3  # [m/s] At which closing fingers draw in what they have caught.
-CLOSING_SPEED = 0.1  # [m/s] Of each finger's command in a grip by friction: cloth slips if faster.
+DRAW_SPEED = 0.3  # [m/s] Speed at which closing fingers draw in a caught vertex.
+# [m/s] Speed of each finger's command in a grip by friction: cloth slips if it is faster.
+CLOSING_SPEED = 0.1
 PRESSING = 0.7  # Least cosine between a pad's push and its closing direction in a grip.
 
 
 class Grasp(Holding, abc.ABC):
-    """What the hands of arms hold, and what their fingers do for it.
+    """Holds of the hands of arms, and motion of their fingers.
 
-    In a sim step: `plan`, then `move` in every physics step, then `sense`.
+    Call order: `plan` in every sim step, `move` in every physics step, then `sense`.
     """
 
-    tip_clearance: float  # [m] Of the finger tips over the floor at the lowest command.
-    hold_height: float  # [m] Of the tool point above a vertex that hangs from it.
+    tip_clearance: float  # [m] Height of the finger tips over the floor at the lowest command.
+    hold_height: float  # [m] Height of the tool point above a vertex that hangs from it.
     pad_contact: Mapping[str, object]  # Contact attributes of the pads' geoms.
-    least_pad = (0.0, 0.0)  # [m] Half width and half length that these have at least.
+    least_pad = (0.0, 0.0)  # [m] Least half width and half length of the pads' geoms.
 
     def use(self, fingers: Fingers) -> None:
-        """Chooses the fingers, once the scene is compiled."""
+        """Sets the fingers, once the scene is compiled."""
         self._fingers = fingers
         self._solid = np.ones(len(self.grips.held), bool)  # Whether the fingers push the object.
 
@@ -54,29 +56,29 @@ class Grasp(Holding, abc.ABC):
 
     @abc.abstractmethod
     def plan(self, closed: np.ndarray, tools: np.ndarray) -> None:
-        """Starts a sim step with hands told to be `closed` (n,); tool points `tools` (n, 3) [m]."""
+        """Starts a sim step with commands `closed` (n,) and tool points `tools` (n, 3) [m]."""
 
     @abc.abstractmethod
     def move(self, ahead: Callable[[float], np.ndarray], timestep: float) -> None:
         """Starts a physics step of `timestep` [s].
 
-        `ahead(timestep)` is where the tool points (n, 3) [m] will be at its end.
+        `ahead(timestep)` returns the predicted tool points (n, 3) [m] at its end.
         """
 
     @abc.abstractmethod
     def sense(self, closed: np.ndarray, positions: Callable[[], np.ndarray]) -> None:
-        """Ends a sim step; `positions()` are the tool points (n, 3) [m]."""
+        """Ends a sim step; `positions()` returns the tool points (n, 3) [m]."""
 
 
 class AttachGrasp(Grasp, Attachment):
-    """Holds as pickers do: what is taken is attached to the tool point.
+    """Holds as pickers do: a vertex is attached to the tool point.
 
     A hand that grips and holds nothing takes the vertex nearest to its tool point within the pick
     distance; its fingers close and draw the vertex in between them. Closed fingers pass through the
     object.
     """
 
-    tip_clearance = 0.015  # Of which a jerk may take it all.
+    tip_clearance = 0.015  # A jerk may use all of it.
     hold_height = 0.0
     pad_contact: Mapping[str, object] = {}
 
@@ -88,8 +90,8 @@ class AttachGrasp(Grasp, Attachment):
     def plan(self, closed: np.ndarray, tools: np.ndarray) -> None:
         self.grips = self.grips._replace(centre=tools)
         self.step(GripCommand(np.zeros_like(tools), closed), ANYWHERE)
-        # Closing fingers are not solid, as they would squeeze the object out; they are so again
-        # when they have opened and what they have let go of is out of their way.
+        # Closing fingers are not solid, because they would squeeze the object out; they become
+        # solid again when they are open and clear of the object.
         fingers = self._fingers
         shut, opened = fingers.arm.finger_commands
         for i, grip in enumerate(closed):
@@ -108,36 +110,37 @@ class AttachGrasp(Grasp, Attachment):
             self.drive(ahead(timestep), timestep)
 
     def sense(self, closed: np.ndarray, positions: Callable[[], np.ndarray]) -> None:
-        pass  # It knows what it holds.
+        pass  # Attached vertices need no sensing.
 
 
 class FrictionGrasp(Grasp):
     """Holds by contact alone: solid pads press on the object from both sides.
 
     While its grip is on, a hand counts as holding a vertex of the elements (triangles of a cloth,
-    pieces of a rope) that both pads press on, towards each other: the one nearest to the tool point
-    at first, and the same as long as the pads press there. `dropped` counts how often that ended,
-    whether the grip was opened or the object slipped away. Opening pads are not solid, so that the
-    object does not stay hooked to them; they are so again when what they have let go of is out of
-    their way, or when they close.
+    segments of a rope) that both pads press on, towards each other: first the one nearest to the
+    tool point, then the same as long as the pads press there. `dropped` counts how often that
+    ended, because the grip opened or the object slipped. Opening pads are not solid, so that the
+    object does not stay hooked to them; they become solid again when they are clear of the object,
+    or when they close.
 
-    Measured: of edges of flat cloths 119 in 120 are held when carried at 0.6 m/s, nine in ten
-    within 19 mm (`benchmarks/friction_grasp.py`).
+    119 of 120 edges of flat cloths are held when carried at 0.6 m/s, nine in ten within 19 mm
+    (`benchmarks/friction_grasp.py`).
     """
 
-    # The pads must get down beside a sheet whose middle is 5 mm high: with 4 mm, one edge in four
-    # gets away below a narrow pad. A jerk may take them 2 mm into the floor: they do not touch it.
+    # The pads must reach below the middle of a sheet, which is 5 mm high: with 4 mm, one edge in
+    # four escapes below a narrow pad. A jerk may take them 2 mm into the floor, with which they do
+    # not collide.
     tip_clearance = 0.002
-    hold_height = -0.012  # At the object's end, the pads are on the object from here on.
-    # Stiff, for rigid bodies; what flexes feel of pads is the cloth plugin's.
+    hold_height = -0.012  # From the object's end on, the pads touch it.
+    # Stiff, for rigid bodies; the cloth plugin computes contact with flexes.
     pad_contact: Mapping[str, object] = {
         "condim": 4,
         "friction": (1.5, 0.05, 0.001),
         "solref": (0.005, 1.0),
         "solimp": (0.99, 0.9999, 0.004),
     }
-    # Narrower pads than a quarter of the spacing of a cloth's vertices cut in between them. On the
-    # upper end of shorter ones, folds come to rest: the fingers go on there.
+    # Pads narrower than a quarter of the vertex spacing of a cloth cut in between vertices. On the
+    # upper end of shorter ones, folds come to rest, where real fingers continue.
     least_pad = (0.0075, 0.02)
 
     def take_at(self, i: int, vertex: int, tool: np.ndarray) -> None:
@@ -147,7 +150,7 @@ class FrictionGrasp(Grasp):
 
     def plan(self, closed: np.ndarray, tools: np.ndarray) -> None:
         fingers = self._fingers
-        # Where the pads meet, not beyond: some newtons hold, and more hold no better.
+        # The command ends where the pads meet: some newtons hold, and more hold no better.
         shut, opened = fingers.arm.finger_range
         for i, grip in enumerate(closed):
             command = fingers.data.ctrl[fingers.motors[i]]
@@ -160,7 +163,7 @@ class FrictionGrasp(Grasp):
             fingers.set_solid(i, self._solid[i])
 
     def move(self, ahead: Callable[[float], np.ndarray], timestep: float) -> None:
-        pass  # Contact does it.
+        pass  # Contact holds the object.
 
     def sense(self, closed: np.ndarray, positions: Callable[[], np.ndarray]) -> None:
         tools = positions() if closed.any() else np.zeros((0, 3))
@@ -171,7 +174,7 @@ class FrictionGrasp(Grasp):
             self.grips.held[i] = vertex
 
     def _nearest(self, vertices: np.ndarray, tool: np.ndarray, before: int) -> int:
-        """The one of `vertices` that is held: the same as `before`, or the nearest to a tool."""
+        """Returns the held one of `vertices`: the same as `before`, or the nearest to a tool."""
         if not len(vertices):
             return NONE
         if before in vertices:
@@ -180,7 +183,7 @@ class FrictionGrasp(Grasp):
         return int(vertices[squares(offsets).argmin()])
 
     def _pinched(self, i: int) -> np.ndarray:
-        """Vertices of the elements that both pads of arm `i` pressed on in the last step."""
+        """Returns vertices of the elements that both pads of arm `i` pressed on last."""
         fingers = self._fingers
         contact = solver.contacts(fingers.model, fingers.data)
         pinched = np.arange(fingers.model.nflexvert)

@@ -1,4 +1,4 @@
-"""`JointAction`: joints that turn as they are told to, without inverse kinematics."""
+"""`JointAction`: commanded joint velocities, without inverse kinematics."""
 
 import functools
 
@@ -12,17 +12,16 @@ from softgym_mj.robots.arm.joint_servos import JointServos
 from softgym_mj.robots.base import SIM_STEP, ActionSpace
 from softgym_mj.robots.gripper import gripper_actions
 
-# [m/s] As what the largest speed of a joint counts where leads and accelerations are limited: it
-# gets there in 0.15 s. A Franka's joints then speed up by 14 to 17 rad/s^2.
+# [m/s] Speed to which the largest speed of a joint corresponds where leads and accelerations are
+# limited: it is reached in 0.15 s. A Franka's joints then accelerate at 14 to 17 rad/s^2.
 FASTEST_AS = 1.5
 
 
 class JointAction(ArmAction):
-    """A way of each joint, as a fraction of what its largest speed makes of a sim step, and grip.
+    """Velocity of each joint as a fraction of its largest speed, and grip.
 
-    Commanded joints stay within their limits, and wait where the arm falls behind. Nothing else
-    leads them: neither workspace nor reach bound the hands. They still keep away from the floor
-    and from each other.
+    Commanded joints stay within their limits, and wait if the arm falls behind. Neither workspace
+    nor reach bound the hands, but they keep away from the floor and from each other.
     """
 
     name = "joints"
@@ -30,7 +29,7 @@ class JointAction(ArmAction):
 
     def __init__(self, servos: JointServos, clip: Clip):
         super().__init__(servos, clip)
-        self._largest = servos.velocity_limits * SIM_STEP  # [rad] In a sim step.
+        self._largest = servos.velocity_limits * SIM_STEP  # [rad] Largest rotation in a sim step.
         self._scale = (FASTEST_AS / servos.velocity_limits)[:, None]  # [m/rad]
         self._filter = CommandFilter(len(self._largest))
 
@@ -56,7 +55,7 @@ class JointAction(ArmAction):
         self._filter.advance(self._scaled(within), self._within_lead)
 
     def follow(self, steps: int) -> None:
-        # The filter is taken to go on as it does until the controller's next solution.
+        # The filter is extrapolated to the controller's next solution.
         self._controller.bend(self._unscaled(self._filter.points + steps * self._filter.step))
 
     @property

@@ -17,16 +17,16 @@ SOLVE_EVERY = round(PERIOD / SIM_STEP)  # Sim steps between solutions of the con
 
 
 class JointServos:
-    """The joint servos of one or more arms, led from one solution of the controller to the next.
+    """Joint servos of one or more arms, led from one solution of the controller to the next.
 
     Attributes:
-        number: of the arms.
+        number: number of arms.
         joints: names (joints,) of the joints of an arm.
         velocity_limits: largest joint speeds (n joints,) [rad/s].
-        controller: what leads them.
+        controller: controller that leads the joints.
         motors: their actuators in the scene (n joints,).
         positions_at, speeds_at: addresses (n joints,) of the joints in qpos and qvel.
-        fingers: of the arms in the scene.
+        fingers: fingers of the arms in the scene.
     """
 
     def __init__(
@@ -40,9 +40,9 @@ class JointServos:
         """Sets up the controller.
 
         Args:
-            arm: the kind of the arms.
-            mounts: where they stand.
-            home: joint angles (joints,) [rad] that are kept where nothing else matters.
+            arm: kind of the arms.
+            mounts: bases of the arms.
+            home: joint angles (joints,) [rad] of the posture task.
             tips: as in `arm_bodies.kinematic_model`.
             orientation_cost: as in `CartesianController`.
         """
@@ -87,7 +87,7 @@ class JointServos:
         self._lag = arm_bodies.tune(model, self.motors, self._inertias(model), torques)
 
     def _inertias(self, model: mujoco.MjModel) -> np.ndarray:
-        """Inertia (n joints,) [kg m^2] of each joint at home, with its armature and its load."""
+        """Returns the inertia (n joints,) [kg m^2] of joints at home, with armature and load."""
         data = mujoco.MjData(model)
         data.qpos[self.positions_at] = self.controller.home
         mujoco.mj_kinematics(model, data)
@@ -98,7 +98,7 @@ class JointServos:
         return data.M[model.M_rowadr[rows] + model.M_rownnz[rows] - 1]
 
     def reset(self) -> None:
-        """Puts the arms at rest where the controller's reference is."""
+        """Puts the arms at rest at the controller's reference."""
         data = self._data
         data.qpos[self.positions_at] = self.controller.configuration
         data.qvel[self.speeds_at] = 0.0
@@ -111,8 +111,8 @@ class JointServos:
         """Starts a sim step.
 
         Args:
-            follow: moves the controller's reference, if it is time to, to where it has to be so
-                many sim steps later.
+            follow: called when a solution is due, to move the controller's reference to where it
+                has to be after a number of sim steps.
         """
         self._phase = (self._phase + 1) % SOLVE_EVERY
         if self._phase == 0:
@@ -126,21 +126,21 @@ class JointServos:
         self._data.ctrl[self.motors] = (1.0 - way) * self._start + way * self._goal
 
     def points(self) -> np.ndarray:
-        """Where the tools are (n, 3) [m]."""
+        """Returns positions of the tools (n, 3) [m]."""
         return self.points_at(self._data.qpos[self.positions_at])
 
     def points_at(self, angles: np.ndarray) -> np.ndarray:
-        """Where the tools are with joints at `angles` (n joints,) [rad]: (n, 3) [m]."""
+        """Returns positions of the tools (n, 3) [m] for joints at `angles` (n joints,) [rad]."""
         self._posture.qpos[:] = angles
         mujoco.mj_kinematics(self._kinematics, self._posture)
         return self._posture.site_xpos[self._sites]
 
     def rotations(self) -> np.ndarray:
-        """Rotation matrices (n, 3, 3) of the tools, after `points`."""
+        """Returns rotation matrices (n, 3, 3) of the tools; call `points` first."""
         return self._posture.site_xmat[self._sites].reshape(-1, 3, 3)
 
     def velocities(self) -> np.ndarray:
-        """Velocities (n, 3) [m/s] of the tools, after `points`."""
+        """Returns velocities (n, 3) [m/s] of the tools; call `points` first."""
         mujoco.mj_comPos(self._kinematics, self._posture)
         speeds = self._data.qvel[self.speeds_at]
         jacobian = np.empty((3, self._kinematics.nv))
@@ -151,7 +151,7 @@ class JointServos:
         return velocities
 
     def sensed(self) -> np.ndarray:
-        """What n arms sense of themselves (n (8 + 2 joints),).
+        """Returns the proprioception of n arms (n (8 + 2 joints),).
 
         The tool points (x, y, z each) [m]; then for each arm the quaternion (w, x, y, z) of its
         tool, its opening [m], the joint positions [rad] and velocities [rad/s].
@@ -169,7 +169,7 @@ class JointServos:
 
     @property
     def senses(self) -> dict[str, int]:
-        """How many of these numbers are what."""
+        """Number of entries of `sensed` by name and unit, in order."""
         number, joints = self.number, len(self._arm.joints)
         own = {
             "quaternion of the tool (w, x, y, z)": 4,
@@ -182,7 +182,7 @@ class JointServos:
         }
 
     def get_state(self) -> dict[str, np.ndarray]:
-        """For snapshots; the controller's included."""
+        """Returns the state for snapshots, including the controller's."""
         return {
             **self.controller.get_state(),
             "phase": np.array(self._phase),
@@ -190,7 +190,7 @@ class JointServos:
         }
 
     def set_state(self, state: dict[str, np.ndarray]) -> None:
-        """Restores what `get_state` returned."""
+        """Restores the state that `get_state` returned."""
         self.controller.set_state(state)
         self._phase = int(state["phase"])
         self._start, self._goal = state["servo"].copy()

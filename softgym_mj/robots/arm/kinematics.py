@@ -1,7 +1,7 @@
-"""mink's configuration, tasks and limits, with products that no processor sums differently.
+"""mink's configuration, tasks and limits, with bit-identical sums on all processors.
 
-See `softgym_mj.native.arithmetic`. mink takes a task's objective as it is, when the task offers no
-residual; its limits of joints and speeds have no products.
+They use `softgym_mj.native.arithmetic`. mink uses a task's objective directly if the task offers no
+residual; its limits of joints and speeds have no matrix products.
 """
 
 import mink
@@ -13,14 +13,14 @@ from softgym_mj.native.arithmetic import product, squares
 
 
 class Reference(mink.Configuration):
-    """A configuration that leaves the Jacobians of frames to `ToolTask`."""
+    """Configuration that leaves the Jacobians of frames to `ToolTask`."""
 
     def get_frame_jacobian(self, frame_name: str | int, frame_type: str) -> np.ndarray:
-        """The identity (6, 6): tasks multiply by it, which is exact in whatever order."""
+        """Returns the identity (6, 6): tasks multiply by it, which is exact in any order."""
         return np.eye(6)
 
     def site_jacobian(self, name: str) -> np.ndarray:
-        """The Jacobian (6, nv) of a site's velocity and angular velocity along its own axes."""
+        """Returns the Jacobian (6, nv) of a site's linear and angular velocity in its frame."""
         site = self.model.site(name).id
         jacobian = np.empty((2, 3, self.nv))
         mujoco.mj_jacSite(self.model, self.data, jacobian[0], jacobian[1], site)
@@ -28,10 +28,10 @@ class Reference(mink.Configuration):
 
 
 class ToolTask(mink.FrameTask):
-    """Leads a site of a `Reference`."""
+    """Task that leads a site of a `Reference`."""
 
     def compute_jacobian(self, configuration: mink.Configuration) -> np.ndarray:
-        """The Jacobian (6, nv) of the error.
+        """Returns the Jacobian (6, nv) of the error.
 
         Raises:
             TargetNotSet: if there is no target yet.
@@ -42,14 +42,14 @@ class ToolTask(mink.FrameTask):
 
 
 class Summed(BaseTask):
-    """A task of mink's by its objective, summed here instead of together with others."""
+    """Task of mink whose objective is summed here instead of together with others."""
 
     def __init__(self, task: mink.Task):
         """Wraps a task, whose targets and costs may change afterwards."""
         self._task = task
 
     def compute_qp_objective(self, configuration: mink.Configuration) -> mink.Objective:
-        """The matrix (nv, nv) and vector (nv,) of the quadratic program."""
+        """Returns the matrix (nv, nv) and vector (nv,) of the quadratic program."""
         task = self._task
         error = task.cost * (-task.gain * task.compute_error(configuration))
         jacobian = task.cost[:, None] * task.compute_jacobian(configuration)
@@ -59,12 +59,12 @@ class Summed(BaseTask):
 
 
 class Clearance(mink.CollisionAvoidanceLimit):
-    """Keeps geoms apart."""
+    """Limit that keeps geoms apart."""
 
     def compute_qp_inequalities(
         self, configuration: mink.Configuration, dt: float
     ) -> mink.Constraint:
-        """Matrix (pairs, nv) and bounds (pairs,), which are infinite for pairs far apart."""
+        """Returns a matrix (pairs, nv) and bounds (pairs,), infinite for distant pairs."""
         constraint = super().compute_qp_inequalities(configuration, dt)
         assert constraint.G is not None and constraint.h is not None
         for i in np.flatnonzero(np.isfinite(constraint.h)):
@@ -72,7 +72,7 @@ class Clearance(mink.CollisionAvoidanceLimit):
         return constraint
 
     def _approach(self, configuration: mink.Configuration, first: int, second: int) -> np.ndarray:
-        """By what two geoms come nearer with each joint (nv,) [m/rad]."""
+        """Returns how fast two geoms approach with each joint (nv,) [m/rad]."""
         model, data, ends = configuration.model, configuration.data, np.empty(6)
         limit = self.collision_detection_distance
         distance = mujoco.mj_geomDistance(model, data, first, second, limit, ends)

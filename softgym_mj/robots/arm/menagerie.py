@@ -1,8 +1,7 @@
-"""Arms that look like those of MuJoCo Menagerie: its drawn shapes in place of ours.
+"""Arms with the appearance of MuJoCo Menagerie's: its visual geoms in place of ours.
 
-Nothing else is taken from there. Kinematics, inertias, servos and solid shapes stay ours, so that
-an arm moves as it does without. The models are had through the package `mujoco-menagerie`, which
-downloads each of them once.
+Kinematics, inertias, servos and collision geoms stay ours, so the motion does not change. The
+models come from the package `mujoco-menagerie`, which downloads each of them once.
 """
 
 import pathlib
@@ -16,22 +15,22 @@ from softgym_mj.exceptions import UnavailableError, install_extra
 from softgym_mj.robots.arm.models import Arm
 
 VISUALS = ("primitive", "menagerie")
-# By which a frame there may differ from ours. Copies of these models that have other kinematics are
-# some centimetres or a quarter turn off.
+# Tolerances of a frame's position and rotation. Copies of these models with other kinematics differ
+# by some centimeters or a quarter turn.
 LARGEST_OFFSET, LARGEST_TURN = 1e-3, 1e-3  # [m], [rad]
-SHOWN_GROUPS = 3  # MuJoCo draws groups 0, 1 and 2 unless told otherwise.
-CLASS = "menagerie"  # Default class of the copied shapes, and prefix of what they are made of.
+SHOWN_GROUPS = 3  # By default MuJoCo draws groups 0, 1 and 2.
+CLASS = "menagerie"  # Default class of the copied geoms, and prefix of their assets.
 
 
 def replace_visuals(model: mjcf.RootElement, arm: Arm) -> None:
-    """Replaces the drawn shapes of an arm by those in Menagerie, with meshes and colours.
+    """Replaces the visual geoms of an arm by those in Menagerie, with meshes and colors.
 
-    A link gets the shapes of the body of the same name; what Menagerie lacks (the gripper of its
-    Sawyer) keeps ours. Textures are not copied: these arms have none.
+    A link gets the geoms of the body of the same name; bodies that Menagerie lacks (the gripper of
+    its Sawyer) keep ours. Textures are not copied: these arms have none.
 
     Args:
         model: the model of `arm`, not yet attached to a scene.
-        arm: the kind of arm.
+        arm: kind of arm.
 
     Raises:
         UnavailableError: if the package `mujoco-menagerie` is not installed, or the model can
@@ -42,7 +41,7 @@ def replace_visuals(model: mjcf.RootElement, arm: Arm) -> None:
         source = spec.compile()
         bodies = _common_bodies(source, arm)
         _Copy(spec, source, model).replace(bodies)
-    except (OSError, ValueError) as error:  # What MuJoCo and files have to say.
+    except (OSError, ValueError) as error:  # Errors of MuJoCo and of files.
         _fail(arm, error)
 
 
@@ -69,7 +68,11 @@ def _fail(arm: Arm, reason: object) -> NoReturn:
 
 
 def _common_bodies(source: mujoco.MjModel, arm: Arm) -> list[str]:
-    """Bodies of an arm that Menagerie's has, too; `UnavailableError` unless frames agree."""
+    """Returns bodies of an arm that Menagerie's has, too.
+
+    Raises:
+        UnavailableError: unless their frames agree.
+    """
     model = mujoco.MjModel.from_xml_path(arm.xml_path)
     for joint in arm.joints:
         if _owner(source, joint) != _owner(model, joint):
@@ -90,15 +93,15 @@ def _common_bodies(source: mujoco.MjModel, arm: Arm) -> list[str]:
 
 
 def _owner(model: mujoco.MjModel, joint: str) -> str | None:
-    """The body that a joint moves; None if there is no such joint."""
+    """Returns the body that a joint moves; None if there is no such joint."""
     number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, joint)
     return None if number < 0 else model.body(model.jnt_bodyid[number]).name
 
 
 def _frames(model: mujoco.MjModel, arm: Arm) -> dict[tuple[str, str], np.ndarray]:
-    """Where the bodies and joints of an arm in its home pose are, as seen from its base.
+    """Returns the frames of an arm's bodies and joints in its home pose, relative to its base.
 
-    Keys are kind and name. Of bodies, position [m] and the three axes (4, 3); of joints, anchor [m]
+    Keys are kind and name. Bodies have position [m] and the three axes (4, 3), joints anchor [m]
     and axis (2, 3).
     """
     data = mujoco.MjData(model)
@@ -118,7 +121,7 @@ def _frames(model: mujoco.MjModel, arm: Arm) -> dict[tuple[str, str], np.ndarray
 
 
 class _Copy:
-    """Copies drawn shapes, and what they are made of, from a compiled model to an MJCF model."""
+    """Copies visual geoms and their assets from a compiled model to an MJCF model."""
 
     def __init__(self, spec: mujoco.MjSpec, source: mujoco.MjModel, target: mjcf.RootElement):
         self._source, self._target = source, target
@@ -128,7 +131,7 @@ class _Copy:
         shapes.group, shapes.contype, shapes.conaffinity, shapes.mass = 2, 0, 0, 0.0
 
     def replace(self, bodies: list[str]) -> None:
-        """Replaces the drawn shapes of these bodies where the source has any."""
+        """Replaces the visual geoms of these bodies if the source has any."""
         for name in bodies:
             shapes = self._shapes(self._source.body(name).id)
             if not shapes:
@@ -152,7 +155,7 @@ class _Copy:
         if model.geom_type[shape] == mujoco.mjtGeom.mjGEOM_MESH:
             mesh = model.geom_dataid[shape]
             geom.type, geom.mesh = "mesh", self._mesh(mesh)
-            # The compiler has moved the mesh to its centre of mass and principal axes.
+            # The compiler moved the mesh to its center of mass and principal axes.
             back, turned_back = np.empty(3), np.empty(4)
             mujoco.mju_negPose(back, turned_back, model.mesh_pos[mesh], model.mesh_quat[mesh])
             mujoco.mju_mulPose(
@@ -186,7 +189,7 @@ class _Copy:
         return self._asset("material", material.name, rgba=material.rgba, **look)
 
     def _asset(self, kind: str, name: str, **attributes: object) -> mjcf.Element:
-        """The target's asset of this kind and name, added with these attributes if it has none."""
+        """Returns the target's asset of this kind and name, adding it if missing."""
         name = f"{CLASS}_{name}"
         asset = self._target.find(kind, name)
         return asset or self._target.asset.add(kind, name=name, **attributes)

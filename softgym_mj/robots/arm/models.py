@@ -1,4 +1,4 @@
-"""The arms as data: the names in their MJCF models, and what actors must know of them."""
+"""Arms as data: names in their MJCF models, and parameters for actors."""
 
 import dataclasses
 import math
@@ -8,17 +8,17 @@ from softgym_mj import assets
 
 @dataclasses.dataclass(frozen=True)
 class Arm:
-    """An arm with a gripper with two fingers.
+    """Arm with a two-finger gripper.
 
-    Names are those in the MJCF model; they get a prefix where the model is attached to a scene.
+    Names are those in the MJCF model; they get a prefix when the model is attached to a scene.
 
     Attributes:
         name: key in `ARMS`, and name of the MJCF model.
-        xml_path: the MJCF model. It has a keyframe "home" with the fingers open, to be removed
-            where the model joins a scene, which has more coordinates, and a camera "wrist" on the
-            hand.
-        joints: from the base to the hand; their actuators have their names.
-        wrist_joint: the first of them that turns what keeps clear of the floor and of other arms.
+        xml_path: the MJCF model. It has a keyframe "home" with the fingers open, which is removed
+            when the model joins a scene with more coordinates, and a camera "wrist" on the hand.
+        joints: joints from the base to the hand; their actuators have the same names.
+        wrist_joint: first joint of the wrist, whose links keep clear of the floor and of other
+            arms.
         finger_joints: the two slides; equal positions are symmetric, 0 is closed.
         tcp_site: the point between the pads; its z axis points out of the gripper, and the fingers
             close along its y axis.
@@ -27,17 +27,17 @@ class Arm:
         home: joint angles (joints,) [rad]; the gripper points straight down.
         home_cup: joint angles (joints,) [rad]; the gripper points ahead, and its fingers close on
             an upright plate.
-        velocity_limits: largest joint speeds (joints,) [rad/s]. MJCF cannot express these.
+        velocity_limits: largest joint speeds (joints,) [rad/s], which MJCF cannot express.
         torque_limits: largest joint torques (joints,) [N m], the force limits of the actuators.
         finger_range: position of a finger when closed and when open [m].
-        finger_commands: position command to a finger that closes with the whole grip force, and the
-            one that opens [m].
-        grip_force: what each finger presses with at most [N].
-        pad_reach: from the TCP to the far end of the pads along the TCP's z axis [m].
-        shoulder_height: of the second joint's axis above the mounting plane z = 0 [m].
-        distance: of the base from the middle, where it handles cloth and rope [m].
+        finger_commands: position command of a finger that closes with full grip force, and of one
+            that opens [m].
+        grip_force: largest force of each finger [N].
+        pad_reach: distance from the TCP to the far end of the pads along the TCP's z axis [m].
+        shoulder_height: height of the second joint's axis above the mounting plane z = 0 [m].
+        distance: distance of the base from the middle for cloth and rope [m].
         reach: `inner` and `outer` of its `Mount` [m].
-        standoff: of the base from the line on which the handle of a cup is held [m].
+        standoff: distance of the base from the line of a cup's handle [m].
         menagerie: name of the arm in MuJoCo Menagerie.
     """
 
@@ -76,14 +76,12 @@ class Arm:
 
 
 # `reach` was measured with the tool down, up to 80 degrees to a side: a Franka gets to within 1 mm
-# up to 0.8 m from its axis at heights of 0.02 to 0.2 m, 0.72 m at 0.45 m; a Sawyer up to 0.9 m,
-# 0.8 m; a UR5e up to 0.9 m, 0.76 m. What is nearer than 0.25 m is in the way of the elbow, which
-# jumps in a Franka.
-# From a `distance` of 0.7 m, all four corners of flat cloths are in reach in more than nine of ten
-# variations.
-# With a `standoff` of 0.55 m, a Franka that stands in the middle of the way of a cup keeps to the
-# experts' ways within 4 mm for 1.2 m, 22 mm in a pour; a Sawyer within 1 mm. (From 0.4 m, or 0.15 m
-# higher up, a Franka is up to 75 mm off.)
+# up to 0.8 m from its axis at heights of 0.02 to 0.2 m, 0.72 m at 0.45 m; a Sawyer up to 0.9 m, 0.8
+# m; a UR5e up to 0.9 m, 0.76 m. Points nearer than 0.25 m obstruct the elbow, which jumps in a
+# Franka. From a `distance` of 0.7 m, all four corners of flat cloths are in reach in more than nine
+# of ten variations. With a `standoff` of 0.55 m, a Franka at the middle of the path of a cup
+# follows the experts' paths within 4 mm for 1.2 m, 22 mm in a pour; a Sawyer within 1 mm. (From 0.4
+# m, or 0.15 m higher up, a Franka is up to 75 mm off.)
 
 # Franka Emika Panda with the Franka Hand.
 FRANKA = Arm(

@@ -1,18 +1,19 @@
-"""`Mount`: where an arm is mounted and how far it reaches."""
+"""`Mount`: base and reach of an arm."""
 
 import dataclasses
 import math
 
 import numpy as np
 
-MIDDLE = 0.15  # [m] Height over the base at which an arm with its tool down reaches furthest.
+# [m] Height over the base at which the reach of an arm with its tool down is largest.
+MIDDLE = 0.15
 FORWARD = 0.05  # [m] Least distance of the tool in front of the base's axis.
-END = 1e-4  # [m] Points so near to the end of the reach are at it.
+END = 1e-4  # [m] Tolerance of the end of the reach.
 
 
 @dataclasses.dataclass(frozen=True)
 class Mount:
-    """An arm's place.
+    """Base and reach of an arm.
 
     Attributes:
         base: middle of the mounting plane (3,) [m].
@@ -27,7 +28,7 @@ class Mount:
     outer: float
 
     def clip(self, point: np.ndarray) -> np.ndarray:
-        """The point (3,) [m] within reach that an arm goes to for `point` (3,)."""
+        """Returns the nearest allowed point (3,) [m] within reach for `point` (3,)."""
         sin, cos = math.sin(self.yaw), math.cos(self.yaw)
         forward, left = self._seen(point)
         forward = max(forward, FORWARD)
@@ -38,19 +39,19 @@ class Mount:
         return np.array([self.base[0] + x, self.base[1] + y, point[2]])
 
     def farthest(self, height: float) -> float:
-        """Largest distance [m] from the base's axis at a height [m] above the floor."""
+        """Returns the largest distance [m] from the base's axis at a height [m] above the floor."""
         rise = height - self.base[2] - MIDDLE
         return math.sqrt(max(self.outer**2 - rise**2, self.inner**2))
 
     def at_end(self, point: np.ndarray) -> bool:
-        """Whether a point (3,) [m] lies at the end of the reach, inner or outer, or beyond it."""
+        """Returns whether a point (3,) [m] is at the end of the reach or beyond it."""
         forward, left = self._seen(point)
         distance = math.hypot(forward, left)
         near = forward < FORWARD + END or distance < self.inner + END
         return near or distance > self.farthest(point[2]) - END
 
     def _seen(self, point: np.ndarray) -> tuple[float, float]:
-        """How far in front of the base and to its left a point (3,) [m] is [m]."""
+        """Returns the coordinates [m] of a point (3,) [m] in front of the base and to its left."""
         sin, cos = math.sin(self.yaw), math.cos(self.yaw)
         dx, dy = point[0] - self.base[0], point[1] - self.base[1]
         return cos * dx + sin * dy, cos * dy - sin * dx
@@ -59,13 +60,13 @@ class Mount:
 def facing_each_other(
     number: int, distance: float, inner: float, outer: float, height: float = 0.0
 ) -> tuple[Mount, ...]:
-    """One mount at -Y that faces +Y and, for two, another one opposite.
+    """Returns one mount at -Y that faces +Y and, for two, another one opposite.
 
     Args:
         number: 1 or 2.
-        distance: of the bases from the origin [m].
+        distance: distance of the bases from the origin [m].
         inner, outer: as in `Mount`.
-        height: of the mounting planes [m].
+        height: height of the mounting planes [m].
     """
     mounts = (
         Mount((0.0, -distance, height), math.pi / 2, inner, outer),

@@ -1,4 +1,4 @@
-"""`PoseAction`: hands that move and turn as they are told to."""
+"""`PoseAction`: commanded translations and rotations of hands."""
 
 import functools
 import math
@@ -13,21 +13,23 @@ from softgym_mj.robots.arm.position_action import PositionAction
 from softgym_mj.robots.base import ActionSpace
 from softgym_mj.robots.gripper import DISPLACEMENTS, gripper_actions
 
-# [rad] About each axis in a sim step: 1.5 rad/s, as cups turn. All three together are 2.6 rad/s,
-# what the wrist of a Franka can do at most (2.61); others' are quicker.
+# [rad] Largest rotation about each axis in a sim step: 1.5 rad/s, as for cups. All three together
+# are 2.6 rad/s, the limit of a Franka's wrist (2.61); others are quicker.
 MAX_TURN = 0.015
-# [rad] Of a hand from straight down. Further, links of the wrist are lower than the fingers.
+# [rad] Largest tilt of a hand from straight down. Beyond, links of the wrist are lower than the
+# fingers.
 MAX_TILT = math.radians(60.0)
-TURNS_AS = 0.3  # [m/rad] Way that a turn counts as where a lead or an acceleration is limited.
+# [m/rad] Length by which rotations are converted to distances where a lead or an acceleration is
+# limited.
+TURNS_AS = 0.3
 
 
 class PoseAction(PositionAction):
-    """(dx, dy, dz), then a rotation vector (rx, ry, rz), of the commanded tool frame, and grip.
+    """Displacement (dx, dy, dz) and rotation vector (rx, ry, rz) of the commanded tool, and grip.
 
-    Both are along the world's axes, and the frame turns about the tool point. Its tilt is bounded;
-    how far it turns about the vertical is up to the joints. It waits where the arm falls behind:
-    its point and its orientation each for themselves. Where the arm cannot have both, it keeps the
-    point.
+    Both are along the world's axes, and the frame rotates about the tool point. Its tilt is
+    bounded; joint limits bound its rotation about the vertical. Position and orientation wait
+    separately if the arm falls behind. If both cannot be reached, position has priority.
     """
 
     name = "pose"
@@ -36,7 +38,7 @@ class PoseAction(PositionAction):
     def __init__(self, servos: JointServos, clip: Clip):
         super().__init__(servos, clip)
         self._home = turns.from_matrices(self._controller.rotations())
-        # The orientations (n, 4) of the filter; `_turns` is about them: its points are at zero.
+        # Orientations (n, 4) of the filter; `_turns` is relative to them: its points are at zero.
         self._oriented = self._home.copy()
         self._turns = CommandFilter(servos.number)
 
@@ -56,10 +58,10 @@ class PoseAction(PositionAction):
         return self.posing(fractions, np.zeros_like(fractions), grips)
 
     def posing(self, fractions: np.ndarray, turned: np.ndarray, grips: np.ndarray) -> np.ndarray:
-        """The action (action_size,) that also turns tools.
+        """Returns the action (action_size,) that also rotates tools.
 
         Args:
-            fractions: as of `displacing` (n, 3).
+            fractions: as in `displacing` (n, 3).
             turned: rotation vectors (n, 3) as fractions of `MAX_TURN` in a sim step.
             grips: which hands close (n,) bool.
         """
@@ -86,11 +88,11 @@ class PoseAction(PositionAction):
         return self._turned(self._turns.commanded)
 
     def _turned(self, ways: np.ndarray) -> np.ndarray:
-        """The filter's orientations, turned by `ways` (n, 3) [m]: (n, 4)."""
+        """Returns the filter's orientations rotated by `ways` (n, 3) [m]: (n, 4)."""
         return turns.compose(turns.quaternions(ways / TURNS_AS), self._oriented)
 
     def _about(self, orientations: np.ndarray) -> np.ndarray:
-        """Ways (n, 3) [m] from the filter's orientations to others (n, 4)."""
+        """Returns rotations (n, 3) [m] from the filter's orientations to others (n, 4)."""
         return TURNS_AS * turns.between(self._oriented, orientations)
 
     def _within_lead(self, ways: np.ndarray) -> np.ndarray:

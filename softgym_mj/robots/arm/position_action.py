@@ -1,4 +1,4 @@
-"""`PositionAction`: hands that point down go where they are told to, as pickers do."""
+"""`PositionAction`: commanded displacements of hands that point down, as for pickers."""
 
 import functools
 
@@ -12,9 +12,9 @@ from softgym_mj.robots.gripper import DISPLACEMENTS, MAX_DISPLACEMENT, gripper_a
 
 
 class PositionAction(ArmAction):
-    """(dx, dy, dz) of the commanded tool point along the world's axes, and grip.
+    """Displacement (dx, dy, dz) of the commanded tool point along the world's axes, and grip.
 
-    A commanded point waits where the arm falls behind.
+    A commanded point waits if the arm falls behind.
     """
 
     name = "position"
@@ -40,7 +40,7 @@ class PositionAction(ArmAction):
         self._filter.advance(wanted, self._controller.within_lead)
 
     def follow(self, steps: int) -> None:
-        # The filter is taken to go on as it does until the controller's next solution.
+        # The filter is extrapolated to the controller's next solution.
         self._controller.follow(self._filter.points + steps * self._filter.step)
 
     @property

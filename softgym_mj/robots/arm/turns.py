@@ -1,6 +1,6 @@
-"""Turns as rotation vectors [rad] and as quaternions (w, x, y, z), of n things at once.
+"""Rotations as rotation vectors [rad] and as quaternions (w, x, y, z), of n things at once.
 
-MuJoCo's functions: their bits do not depend on the processor.
+MuJoCo's functions are used because their bits do not depend on the processor.
 """
 
 import mujoco
@@ -8,7 +8,7 @@ import numpy as np
 
 
 def quaternions(vectors: np.ndarray) -> np.ndarray:
-    """Unit quaternions (n, 4) of rotation vectors (n, 3) [rad]."""
+    """Returns unit quaternions (n, 4) of rotation vectors (n, 3) [rad]."""
     turned = np.tile([1.0, 0.0, 0.0, 0.0], (len(vectors), 1))
     for quaternion, vector in zip(turned, vectors, strict=True):
         mujoco.mju_quatIntegrate(quaternion, vector, 1.0)
@@ -16,7 +16,7 @@ def quaternions(vectors: np.ndarray) -> np.ndarray:
 
 
 def vectors(turns: np.ndarray) -> np.ndarray:
-    """Rotation vectors (n, 3) [rad], not longer than pi, of unit quaternions (n, 4)."""
+    """Returns rotation vectors (n, 3) [rad], at most pi long, of unit quaternions (n, 4)."""
     found = np.empty((len(turns), 3))
     for vector, quaternion in zip(found, turns, strict=True):
         mujoco.mju_quat2Vel(vector, quaternion, 1.0)
@@ -24,21 +24,21 @@ def vectors(turns: np.ndarray) -> np.ndarray:
 
 
 def compose(second: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """The turns (n, 4) that `first` (n, 4) and after it `second` (n, 4) make together."""
+    """Returns the rotations (n, 4) by `first` (n, 4), then by `second` (n, 4)."""
     both = np.empty_like(first)
     for turn, a, b in zip(both, second, first, strict=True):
         mujoco.mju_mulQuat(turn, a, b)
-        mujoco.mju_normalize4(turn)  # Thousands of them in a row do not wear off.
+        mujoco.mju_normalize4(turn)  # Avoids drift over thousands of compositions.
     return both
 
 
 def between(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Rotation vectors (n, 3) [rad] about the world's axes from turns (n, 4) to others (n, 4)."""
+    """Returns rotation vectors (n, 3) [rad] in world axes from rotations (n, 4) to others."""
     return vectors(compose(end, start * [1.0, -1.0, -1.0, -1.0]))
 
 
 def from_matrices(matrices: np.ndarray) -> np.ndarray:
-    """Unit quaternions (n, 4) of rotation matrices (n, 3, 3)."""
+    """Returns unit quaternions (n, 4) of rotation matrices (n, 3, 3)."""
     turns = np.empty((len(matrices), 4))
     for turn, matrix in zip(turns, matrices, strict=True):
         mujoco.mju_mat2Quat(turn, matrix.ravel())
@@ -46,7 +46,7 @@ def from_matrices(matrices: np.ndarray) -> np.ndarray:
 
 
 def matrices(turns: np.ndarray) -> np.ndarray:
-    """Rotation matrices (n, 3, 3) of unit quaternions (n, 4)."""
+    """Returns rotation matrices (n, 3, 3) of unit quaternions (n, 4)."""
     found = np.empty((len(turns), 9))
     for matrix, turn in zip(found, turns, strict=True):
         mujoco.mju_quat2Mat(matrix, turn)
@@ -54,7 +54,7 @@ def matrices(turns: np.ndarray) -> np.ndarray:
 
 
 def upright(turns: np.ndarray, most: float) -> np.ndarray:
-    """Turns (n, 4) of tools, tilted straight back where they tilt by more than `most` [rad].
+    """Returns orientations (n, 4) of tools, tilted back to at most `most` [rad].
 
     The tilt is the angle from straight down to the tool's z axis.
     """
