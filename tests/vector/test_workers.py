@@ -114,7 +114,7 @@ print(envs.get_attr("horizon"))
     [
         ("file", ""),
         ("stdin", ""),
-        ("command", ""),
+        pytest.param("command", "", marks=pytest.mark.long),
         pytest.param("file", "context='spawn'", marks=pytest.mark.slow),
         pytest.param("stdin", "context='spawn'", marks=pytest.mark.slow),
     ],
