@@ -1,4 +1,4 @@
-// What the air does to surfaces: its drag, and its mass that they take along.
+// Effects of air on surfaces: drag and added mass.
 
 #ifndef SOFTGYM_MJ_CLOTH_AIR_H_
 #define SOFTGYM_MJ_CLOTH_AIR_H_
@@ -13,12 +13,12 @@
 
 namespace softgym_mj::cloth {
 
-// Drag of the air on triangles that move along their normals, by their speed at the end of the step.
+// Adds air drag on triangles along their normals, from their speed at the end of the step.
 void AddDrag(const Mesh& mesh, const Start& start, double timestep, std::vector<double>* acceleration);
 
-// A vertex of mass m that moves along its normal takes a mass a of air along, unless it touches something: of a push,
-// the share a / (m + a) goes into the air. Contact has to bear all the weight.
-// Fills `air` of `Points`; false, and nothing is done, if no flex takes any along.
+// A vertex of mass m that moves along its normal carries a mass a of air along unless it touches something: the share
+// a / (m + a) of an impulse goes into the air. Touching vertices have no added mass, so that contact bears the weight.
+// Fills `air` of `Points`; returns false, without changes, if no flex has added mass.
 bool StartAir(const Mesh& mesh, const Start& start, const std::vector<Pair>& pairs, const Planes& planes,
               AlignedFloats* air);
 

@@ -9,13 +9,13 @@
 namespace softgym_mj::cloth {
 namespace {
 
-// [1/kg] A body that gives way less is told where to go, as pickers are: it is not pushed.
+// [1/kg] A body of lower compliance, such as a picker, counts as kinematic: flexes do not push it.
 constexpr double kImmovable = 1e-3;
 
-// How many times as hard as it is a body is to turn if a weld to a vertex, which MuJoCo solves, keeps it from turning.
+// Factor of rotational inertia of a body whose rotation a weld to a vertex, which MuJoCo solves, prevents.
 constexpr double kLocked = 1e4;
 
-// Inertia that an implicit integrator gives a degree of freedom besides M: dt D + dt^2 K of damping and servos.
+// Inertia that an implicit integrator adds to M for a degree of freedom: dt D + dt^2 K of damping and servos.
 double ServoInertia(const mjModel* m, const mjData* d, int dof) {
   const double dt = m->opt.timestep;
   double damping = m->dof_damping[dof], stiffness = 0;
@@ -32,7 +32,7 @@ double ServoInertia(const mjModel* m, const mjData* d, int dof) {
   return dt * std::max(damping, 0.0) + (implicit ? dt * dt * std::max(stiffness, 0.0) : 0);
 }
 
-// Lower Cholesky factor in place, (n, n).
+// Computes the lower Cholesky factor (n, n) in place.
 void Factor(std::vector<double>* a, int n) {
   for (int i = 0; i < n; ++i) {
     for (int j = 0; j <= i; ++j) {
@@ -54,7 +54,7 @@ void SolveFactored(const std::vector<double>& l, int n, double* x) {
   }
 }
 
-// Whether a body is a vertex that slides in a body of the same tree, and nothing else.
+// Whether a body is only a vertex that slides in a body of the same tree.
 bool IsSlidingVertex(const mjModel* m, int body) {
   return OnSlides(m, body) && m->body_treeid[m->body_parentid[body]] >= 0 && m->body_geomnum[body] == 0 &&
          m->body_subtreemass[body] == m->body_mass[body];
@@ -63,7 +63,7 @@ bool IsSlidingVertex(const mjModel* m, int body) {
 }  // namespace
 
 double PointCompliance(const double c[6][6], const double arm[3]) {
-  // A point moves by `along` times what its body moves by.
+  // `along`: Jacobian of a point with respect to the motion of its body.
   const double along[3][6] = {
       {1, 0, 0, 0, arm[2], -arm[1]}, {0, 1, 0, -arm[2], 0, arm[0]}, {0, 0, 1, arm[1], -arm[0], 0}};
   double largest = 0;
@@ -117,7 +117,7 @@ int Bodies::FindTree(int id) {
     tree.factor[n * i + i] += ServoInertia(m_, d_, dof);
     tree.acceleration[i] = (d_->qvel[dof] - qvel_[dof]) / m_->opt.timestep;
   }
-  // What pushes a body does not push vertices that slide in it: they are taken out of its inertia.
+  // Impulses on a body do not act on vertices that slide in it, so these are removed from its inertia.
   for (size_t j = 0; j < tree.place.size(); ++j) {
     if (tree.place[j] >= 0) continue;
     const int dof = tree.first + static_cast<int>(j), row = m_->M_rowadr[dof];
@@ -283,7 +283,7 @@ void Bodies::Finish() {
   for (Body& body : bodies_) {
     for (int k = 0; k < 6; ++k) body.moved[k] += body.impulse[k];
     for (int k = 0; k < 3; ++k) body.shift[k] += body.rigid.move[k];
-    // A small rotation: no sine is needed, and none that differs between libraries.
+    // The rotation is small: no sine is needed, which would differ between libraries.
     const double* w = body.rigid.move + 3;
     const double q[4] = {1, w[0] / 2, w[1] / 2, w[2] / 2};
     double turn[4];
@@ -315,7 +315,7 @@ void Bodies::Apply(const mjModel* m, mjData* d, int substeps) {
     for (int i = 0; i < tree.count; ++i) {
       const int dof = tree.dofs[i];
       d->qvel[dof] += speed[i];
-      // MuJoCo has moved on with the last velocity, substeps move with their own.
+      // MuJoCo integrated with the final velocity; substeps integrate with their own.
       change[dof] = way[i] - dt * dt * tree.acceleration[i] * (1 - 1.0 / substeps) / 2;
     }
   }

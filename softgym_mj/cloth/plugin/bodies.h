@@ -1,4 +1,4 @@
-// Rigid bodies that flexes push: what they weigh where they are touched, and what becomes of the impulses.
+// Rigid bodies that flexes push: effective mass at contact points, and the effect of impulses.
 
 #ifndef SOFTGYM_MJ_CLOTH_BODIES_H_
 #define SOFTGYM_MJ_CLOTH_BODIES_H_
@@ -12,16 +12,16 @@
 
 namespace softgym_mj::cloth {
 
-// A body during a step. It moves on as MuJoCo has moved it, and by impulses.
+// A body during a step. It moves as MuJoCo has moved it, plus impulses.
 struct Body {
-  int tree;                // Among those of `Bodies`.
-  double centre[3];        // Of mass, at the start of the step [m].
-  double turn[4];          // Quaternion of its rotation since then.
-  double shift[3];         // Of the centre since then [m].
-  double velocity[6];      // Linear and angular, at the start of the step.
-  double acceleration[6];  // Mean of the step without flexes.
-  double impulse[6];       // Sum of the substeps so far [kg m], and
-  double moved[6];         // the sum of these sums.
+  int tree;                // Index in the trees of `Bodies`.
+  double centre[3];        // Center of mass at the start of the step [m].
+  double turn[4];          // Rotation since then (quaternion).
+  double shift[3];         // Displacement of the center since then [m].
+  double velocity[6];      // Linear and angular velocity at the start of the step.
+  double acceleration[6];  // Mean acceleration of the step without flexes.
+  double impulse[6];       // Sum of impulses of the substeps so far [kg m].
+  double moved[6];         // Sum of these sums.
   bool gives_way;
   double inverse_mass;  // Largest in any direction [1/kg].
   bool touched;
@@ -29,20 +29,20 @@ struct Body {
   std::vector<double> jacobian, response;  // (6, n) and (n, 6) with the n degrees of freedom of its tree.
 };
 
-// What a point at `arm` [m] gives way for an impulse of 1 in any direction, at most [1/kg].
+// Largest compliance [1/kg] of a point at `arm` [m] over all directions.
 double PointCompliance(const double c[6][6], const double arm[3]);
 
 class Bodies {
  public:
-  // To be called first in a step. `qvel`: velocities at its start. `ties`: of vertices to bodies.
+  // Starts a step. `qvel`: velocities at its start. `ties`: ties of vertices to bodies.
   void Start(const mjModel* m, const mjData* d, const mjtNum* qvel, const std::vector<Tie>& ties, double h);
-  // The body that carries a geom; null if nothing moves it.
+  // Returns the body of a geom; null if it is static.
   Body* Find(int body);
-  // Moves all freely for a substep.
+  // Moves all bodies by a substep without contact.
   void Move();
-  // Gives a body an impulse at `arm` from its centre [m].
+  // Applies an impulse to a body at `arm` from its center [m].
   void Push(const double arm[3], const double impulse[3], Body* body);
-  // Passes on what a sweep did to one body to the others of its tree.
+  // Propagates the impulses of a sweep to the other bodies of the tree.
   void Share();
   // Ends a substep.
   void Finish();
@@ -54,17 +54,17 @@ class Bodies {
 
  private:
   struct Tree {
-    int id, first, count;              // Of the degrees of freedom, without those of vertices of flexes below a body.
-    std::vector<int> dofs;             // (n,)
-    std::vector<int> place;            // Among these of each degree of freedom of the tree, or -1.
+    int id, first, count;              // Tree id; first and number of its degrees of freedom.
+    std::vector<int> dofs;             // (n,) Degrees of freedom without those of flex vertices below a body.
+    std::vector<int> place;            // Index in `dofs` of each degree of freedom of the tree, or -1.
     std::vector<double> factor;        // Lower Cholesky factor of the inertia (n, n).
     std::vector<double> acceleration;  // (n,)
   };
 
   int FindTree(int id);
-  // Fills (6, n): velocity of a body's centre of mass, linear and angular.
+  // Fills the Jacobian (6, n) of a body's center of mass, linear and angular.
   void FillJacobian(int id, const Tree& tree, std::vector<double>* jacobian) const;
-  // Adds what ties to bodies of the tree add to the inertia (n, n).
+  // Adds the inertia (n, n) of vertices tied to bodies of the tree.
   void AddTies(const Tree& tree, std::vector<double>* inertia) const;
 
   const mjModel* m_ = nullptr;

@@ -1,4 +1,4 @@
-// Ropes: the edges of each are solved at once.
+// Ropes: all edges of a rope are solved together.
 
 #ifndef SOFTGYM_MJ_CLOTH_CHAINS_H_
 #define SOFTGYM_MJ_CLOTH_CHAINS_H_
@@ -12,23 +12,23 @@ namespace softgym_mj::cloth {
 
 class ChainRows {
  public:
-  // A number or three of each edge; vertex has one more.
+  // One or three numbers per edge; `vertex` has one more entry.
   struct Row {
     std::vector<int> vertex, edge;
     std::vector<float> start, length, gamma, keep, before, impulse;  // As in EdgeBlock.
     std::vector<double> lower, diagonal, right, normal;              // Of the system.
   };
 
-  // To be called when the mesh or the length of a substep [s] has changed.
+  // Rebuilds the rows after a change of the mesh or of the substep length [s].
   void Reset(const Mesh& mesh, double h);
-  // `after`: by how much each edge got longer after its last sweep [m].
+  // Starts a step. `after`: elongation of each edge after its last sweep [m].
   void Start(const std::vector<double>& position, const double* after);
-  // Layers have the last word of a substep, and stretch what is caught between them; ropes have that of a step: they
-  // get as long again as when a sweep last ended (`settles`), which changes no velocities.
+  // Layers come last in a substep and stretch ropes caught between them. Ropes come last in a step: with `settles` they
+  // return to their length at the end of the last sweep, which changes no velocities.
   void Solve(const Points& points, bool settles);
-  // Ends a sweep: notes lengths and impulses.
+  // Ends a sweep: stores lengths and impulses.
   void End(const Points& points);
-  // Adds with which force edges pull held vertices (n, 3) [N]: `share` times their last impulses.
+  // Adds the forces of edges on held vertices (n, 3) [N]: `share` times their last impulses.
   void AddHoldingForces(const Points& points, double share, std::vector<double>* forces) const;
   // Writes `after` for the next step.
   void Keep(const Points& points, double* after) const;

@@ -23,7 +23,7 @@ constexpr const char* kAttributes[] = {"stretch",         "shear",        "bend"
                                        "contype",         "conaffinity",  "substeps", "sweeps",    "contact_stiffness",
                                        "contact_damping"};
 
-// Of those that lead. Called by the compiler, before it knows the flexes but for their sizes.
+// Returns the state size of a leading instance. The compiler calls it when only the sizes of flexes are known.
 int NumState(const mjModel* m, int instance) {
   if (!Leads(m, instance)) return 0;
   char reason[kReasonSize];
@@ -33,7 +33,7 @@ int NumState(const mjModel* m, int instance) {
   return StateSize(m);
 }
 
-// The compiler makes an mjData of every model, so what is wrong is found there.
+// The compiler creates an mjData for every model, so errors in the model are raised here.
 int Init(const mjModel* m, mjData* d, int instance) {
   char reason[kReasonSize];
   std::snprintf(reason, kReasonSize, "%s", kNoMemory);
@@ -49,7 +49,7 @@ int Init(const mjModel* m, mjData* d, int instance) {
   return 0;
 }
 
-// Keeps what MuJoCo is about to overwrite.
+// Stores data that MuJoCo will overwrite.
 void Compute(const mjModel* m, mjData* d, int instance, int) {
   Workspace* w = Leads(m, instance) ? FindWorkspace(d) : nullptr;
   if (!w) return;
@@ -71,8 +71,8 @@ void TryToAdvance(const mjModel* m, mjData* d, int instance) {
     std::snprintf(reason, kReasonSize, "%s", error.c_str());
     return Warn(m, d, instance, reason);
   }
-  if (w->qvel.size() != static_cast<size_t>(m->nv)) return;  // There was no step yet.
-  if (!Gather(m, d, w)) return;  // MuJoCo finds what is not finite and resets in the next step.
+  if (w->qvel.size() != static_cast<size_t>(m->nv)) return;  // No step has been made yet.
+  if (!Gather(m, d, w)) return;  // MuJoCo detects numbers that are not finite and resets in the next step.
   if (!IsSane(m, d, instance, w->mesh)) {
     Warn(m, d, instance, "NaN, Inf or huge numbers in plugin_state.");
     return Restart(m, d);
@@ -84,7 +84,8 @@ void TryToAdvance(const mjModel* m, mjData* d, int instance) {
   w->solids.Start(m, d, w->mesh, w->start, w->qvel.data(), sides, w->solver.substep());
   w->tied.Start(&w->solids.bodies(), m->opt.timestep, w->solver.substep(), &w->start);
   if (!w->solver.Step(w->mesh, w->start, w->planes, &w->solids, &w->tied, kept, &w->motion)) {
-    Warn(m, d, instance, "too many vertices, edges and triangles are in one place: not all touch.", mjWARN_CONTACTFULL);
+    Warn(m, d, instance, "too many vertices, edges and triangles are in one place: some contacts are left out.",
+         mjWARN_CONTACTFULL);
   }
   Apply(d, *w);
   w->solids.Apply(m, d, w->settings.substeps);

@@ -1,4 +1,4 @@
-// The engine plugin "softgym_mj.cloth": elasticity, bending, contact and friction of flexes in one solve.
+// Engine plugin "softgym_mj.cloth": elasticity, bending, contact and friction of flexes in one solver.
 
 #ifndef SOFTGYM_MJ_CLOTH_CLOTH_H_
 #define SOFTGYM_MJ_CLOTH_CLOTH_H_
@@ -9,8 +9,8 @@ namespace softgym_mj::cloth {
 
 void RegisterCloth();
 
-// Moves flexes, and what they push, to the end of a step, unless that has been done in it. For plugins that look where
-// these are, and may advance first.
+// Advances flexes and the bodies that they push to the end of the step, once per step. Other plugins that read their
+// positions may call it first.
 void AdvanceFlexes(const mjModel* m, mjData* d);
 
 }  // namespace softgym_mj::cloth

@@ -10,12 +10,12 @@
 namespace softgym_mj::cloth {
 namespace {
 
-constexpr size_t kFew = 300;  // Keys that are sorted faster by comparing them.
+constexpr size_t kFew = 300;  // Number of keys below which std::sort is faster.
 
-// Sorts by the upper 32 bits; the order of equal ones stays.
+// Sorts stably by the upper 32 bits.
 void SortByHash(std::vector<std::uint64_t>* keys, std::vector<std::uint64_t>* other) {
   if (keys->size() < kFew) {
-    std::sort(keys->begin(), keys->end());  // No two are equal: their lower bits are not.
+    std::sort(keys->begin(), keys->end());  // Keys are unique because their lower bits are.
     return;
   }
   constexpr int kBits = 11, kSize = 1 << kBits;

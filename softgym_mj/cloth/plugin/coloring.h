@@ -1,4 +1,4 @@
-// Puts rows in an order in which eight at a time have no vertex in common.
+// Graph coloring of rows: eight consecutive rows have no vertex in common.
 
 #ifndef SOFTGYM_MJ_CLOTH_COLORING_H_
 #define SOFTGYM_MJ_CLOTH_COLORING_H_
@@ -8,18 +8,18 @@
 
 namespace softgym_mj::cloth {
 
-// Rows are taken in the order of a hash of their vertices; each comes to the first color on which it has no vertex in
-// common with an earlier one. So a row more or less, far away, changes nothing here, as it would if rows were taken in
-// the order in which they are found.
+// Greedy coloring in the order of a hash of the rows' vertices: each row gets the first color in which it shares no
+// vertex with an earlier one. Thus adding or removing a distant row does not change the order of others, as it would
+// with the order in which rows are found.
 class Coloring {
  public:
-  // `vertices` holds `corners` of each row; those v with !counts[v] may be shared. Fills `order` with the rows'
-  // indices, color by color, and with -1 so that each color has a multiple of eight.
+  // `vertices` holds `corners` vertices per row; vertices v with !counts[v] may be shared. Fills `order` with the
+  // indices of rows, color by color, padded with -1 to a multiple of eight per color.
   void Order(const int* vertices, int rows, int corners, const std::uint8_t* counts, int num_vertices,
              std::vector<int>* order);
 
  private:
-  static constexpr int kWords = 4;  // Of 64 colors; what finds none among them gets a color of its own.
+  static constexpr int kWords = 4;  // Words of 64 colors; a row that fits none of these gets its own color.
 
   std::vector<std::uint64_t> keys_, sorted_, taken_;
   std::vector<int> color_, begin_;

@@ -1,4 +1,4 @@
-// The air's drag on a triangle, and what keeps it from moving along.
+// Air drag on a triangle, and the conditions for added mass.
 
 #ifndef SOFTGYM_MJ_CLOTH_DRAG_H_
 #define SOFTGYM_MJ_CLOTH_DRAG_H_
@@ -12,19 +12,19 @@ namespace softgym_mj::cloth {
 namespace {
 
 constexpr double kAirDensity = 1.2;  // [kg/m^3]
-// Vertices whose gap is below this share of the thickness touch something: they move no air.
+// Vertices whose gap is below this share of the thickness touch something and have no added mass.
 constexpr double kTouching = 0.1;
-// Layers lie across a vertex's normal, within 60 degrees. Neighbours in a fine mesh do not, however near they are.
+// The direction to another layer is within 60 degrees of a vertex's normal; that to neighbors in a fine mesh is not.
 constexpr float kAcross = 0.5f;
 
-// Whether a pair's features are apart along a normal, which has any length.
+// Whether a pair's features are separated along a normal of any length.
 inline bool IsAcross(const Pair& pair, const float* n) {
   const float along = pair.normal[0] * n[0] + pair.normal[1] * n[1] + pair.normal[2] * n[2];
   return along * along > kAcross * kAcross * (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
 }
 
-// The force [N] against `normal`, which it sets, on a triangle with these corners of arrays (n, 3), `area` [m^2] and
-// `density` [kg/m^2]; `drag` is its coefficient.
+// Computes `normal` and the drag force [N] against it on a triangle with corners in arrays (n, 3), `area` [m^2],
+// `density` [kg/m^2] and coefficient `drag`.
 inline double Drag(const double* position, const double* velocity, const double* acceleration, const int* corner,
                    double area, double density, double drag, double timestep, Vector* normal) {
   Vector x[3], v = {0, 0, 0}, a = {0, 0, 0};
@@ -38,7 +38,7 @@ inline double Drag(const double* position, const double* velocity, const double*
   *normal = {0, 0, 0};
   if (!(twice > 0)) return 0;
   *normal = (1 / twice) * n;
-  // Of the speed at the end of the step, so that what is light stops and does not turn round.
+  // Implicit in the speed at the end of the step, so that light surfaces stop and do not reverse.
   const double own = density * area;
   const double rate = 0.5 * kAirDensity * drag * area / own * std::fabs(Dot(*normal, v));
   return own * rate * Dot(*normal, v + timestep * a) / (1 + rate * timestep);

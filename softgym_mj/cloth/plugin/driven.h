@@ -1,5 +1,5 @@
-// Vertices that something drives, such as a gripper. Springs and solids do not move them; layers and planes do, so that
-// nothing is squeezed between what cannot give way. They lag behind by that, and who drives them brings them back.
+// Driven vertices, such as those held by a gripper. Springs and solids do not move them; layers and planes do, so that
+// nothing is squeezed between immovable vertices. The driver then corrects the resulting tracking error.
 
 #ifndef SOFTGYM_MJ_CLOTH_DRIVEN_H_
 #define SOFTGYM_MJ_CLOTH_DRIVEN_H_
@@ -16,14 +16,15 @@ namespace softgym_mj::cloth {
 class Driven {
  public:
   void Start(const cloth::Start& start);
-  // Calls `sweep` with the vertices as if they were free. It moves them, but does not change their velocities.
+  // Calls `sweep` with driven vertices released, so that contact acts on both sides. It moves them without changing
+  // their velocities.
   template <class F>
   void TwoWayPass(const Points& points, const F& sweep) {
     Release(points);
     sweep();
     Hold(points);
   }
-  // Adds by how much they have given way in the step [s], and gives them their masses.
+  // Adds their displacement in the step of `timestep` [s] to the motion, and restores their masses.
   void Finish(const Mesh& mesh, double timestep, Motion* motion) const;
 
  private:
@@ -33,8 +34,8 @@ class Driven {
   struct Vertex {
     int id;
     float inverse_mass;  // [1/kg]
-    float place[3];      // Before it gives way [m],
-    double given[3];     // and by how much it has in the step.
+    float place[3];      // Displacement before a pass [m].
+    double given[3];     // Displacement by contact in the step [m].
   };
   std::vector<Vertex> vertices_;
 };

@@ -1,4 +1,4 @@
-// Of one edge and of one rope: what every solver of them does.
+// Computations for one edge and one rope, shared by all solvers.
 
 #ifndef SOFTGYM_MJ_CLOTH_EDGES_H_
 #define SOFTGYM_MJ_CLOTH_EDGES_H_
@@ -10,7 +10,7 @@
 namespace softgym_mj::cloth {
 namespace {
 
-// Fills `way` from vertex b to vertex a of (n, 3) at the start of the step; returns its length [m].
+// Computes the vector `way` from vertex b to vertex a at the start of the step; returns its length [m].
 inline float StartWay(const double* position, int a, int b, float way[3]) {
   float square = 0;
   for (int k = 0; k < 3; ++k) {
@@ -20,7 +20,7 @@ inline float StartWay(const double* position, int a, int b, float way[3]) {
   return std::sqrt(square);
 }
 
-// The length now of what was `way` at the start of the step [m].
+// Current length [m] of an edge that was `way` at the start of the step.
 inline float LengthNow(const Points& points, int a, int b, const float way[3]) {
   float square = 0;
   for (int k = 0; k < 3; ++k) {
@@ -39,8 +39,8 @@ inline void AddForce(const float way[3], double force, double* sum) {
   for (int k = 0; k < 3; ++k) sum[k] += force * way[k] / length;
 }
 
-// Rows of a rope of `size` edges: a number or three of each, as in EdgeBlock; `vertex` has one more. Then memory for
-// the system that they form.
+// Rows of a rope of `size` edges: one or three numbers per edge, as in EdgeBlock; `vertex` has one more entry. Then
+// memory for their linear system.
 struct ChainRow {
   int size;
   const int* vertex;
@@ -49,7 +49,7 @@ struct ChainRow {
   double *lower, *diagonal, *right, *normal;
 };
 
-// The edges form a tridiagonal system, solved by Thomas' algorithm. First, of each edge alone,
+// The edges form a tridiagonal system, solved by Thomas' algorithm. Step 1: coefficients of each edge.
 inline void StartChainEdge(const Points& points, const ChainRow& row, int e, bool settles) {
   double* n = row.normal + 3 * e;
   const float *a = points.now + 4 * row.vertex[e], *b = points.now + 4 * row.vertex[e + 1];
@@ -65,13 +65,13 @@ inline void StartChainEdge(const Points& points, const ChainRow& row, int e, boo
   row.right[e] = settles ? row.before[e] - now : -((now - length) - row.keep[e] * (row.before[e] - length));
 }
 
-// then what each has to do with the one before it,
+// Step 2: coupling of each edge with its predecessor.
 inline void ConnectChainEdge(const Points& points, const ChainRow& row, int e) {
   const double *n = row.normal + 3 * e, *m = n - 3;
   row.lower[e] = e > 0 ? -points.now[4 * row.vertex[e] + 3] * (m[0] * n[0] + m[1] * n[1] + m[2] * n[2]) : 0;
 }
 
-// then one after the other, there and back,
+// Step 3: forward elimination and back substitution.
 inline void SolveChain(const ChainRow& row) {
   double diagonal = 1, right = 0;
   for (int e = 0; e < row.size; ++e) {
@@ -89,7 +89,7 @@ inline void SolveChain(const ChainRow& row) {
   }
 }
 
-// then of each of its vertices, of which there is one more,
+// Step 4: displacement of each vertex.
 inline void MoveChainVertex(const Points& points, const ChainRow& row, int i, bool settles) {
   float *p = points.now + 4 * row.vertex[i], *before = points.before + 4 * row.vertex[i];
   for (int k = 0; k < 3; ++k) {
@@ -100,7 +100,7 @@ inline void MoveChainVertex(const Points& points, const ChainRow& row, int i, bo
   }
 }
 
-// and of each edge once more.
+// Step 5: final length and impulse of each edge.
 inline void EndChainEdge(const Points& points, const ChainRow& row, int e) {
   const float *a = points.now + 4 * row.vertex[e], *b = points.now + 4 * row.vertex[e + 1];
   double square = 0;

@@ -31,7 +31,7 @@ int ImpactZones::Prevent(const ClothKernels& kernels, const std::vector<Pair>& p
     for (int v = 0; v < count; ++v) {
       for (int k = 0; k < 3; ++k) move_[4 * v + k] = static_cast<float>(motion->move[3 * v + k]);
     }
-    // The plane across the normal between the closest points parts the two sides of all others.
+    // A plane perpendicular to the normal, between the closest points, separates all other pairs.
     const int approaching =
         kernels.FindApproaching(move_.data(), pairs.data(), static_cast<int>(pairs.size()), 1 - kNearest, near_.data());
     bool found = false;

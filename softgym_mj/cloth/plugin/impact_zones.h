@@ -1,4 +1,4 @@
-// The fail-safe: vertices that would pass through each other in a step move as one instead.
+// Fail-safe: vertices that would pass through each other in a step form impact zones, which move rigidly.
 
 #ifndef SOFTGYM_MJ_CLOTH_IMPACT_ZONES_H_
 #define SOFTGYM_MJ_CLOTH_IMPACT_ZONES_H_
@@ -11,7 +11,7 @@
 
 namespace softgym_mj::cloth {
 
-// What the vertices do in a step.
+// Motion of the vertices in a step.
 struct Motion {
   const double* start;           // (n, 3) [m]
   std::vector<double> move;      // (n, 3) [m]
@@ -19,22 +19,21 @@ struct Motion {
   std::vector<double> mass;      // [kg]; huge where something holds a vertex.
 };
 
-// What vertices that would pass through each other do: they move as one, which keeps the momentum, or stand still.
+// Motion of impact zones: rigid motion, which conserves momentum, or none.
 enum class Zones { kMove, kStand };
 
 class ImpactZones {
  public:
-  // Changes the motion so that no pair comes nearer than a tenth of its distance, or as near as it gets: rigid impact
-  // zones (Bridson, Fedkiw and Anderson, Robust Treatment of Collisions, 2002, section 7.2). Returns how many vertices
-  // are changed.
+  // Changes the motion so that no pair comes nearer than a tenth of its distance: rigid impact zones (Bridson, Fedkiw
+  // and Anderson, Robust Treatment of Collisions, 2002, section 7.2). Returns the number of changed vertices.
   int Prevent(const ClothKernels& kernels, const std::vector<Pair>& pairs, Zones zones, Motion* motion);
 
  private:
-  // Whether a pair's vertices are in one zone: there is nothing to find out about them.
+  // Whether all vertices of a pair are in one zone.
   bool AreOne(const Pair& pair);
 
   std::vector<int> zone_, near_;
-  std::vector<double> sum_;  // Of each zone.
+  std::vector<double> sum_;  // Sums of each zone.
   AlignedFloats move_;
 };
 

@@ -1,4 +1,4 @@
-// What layers keep from step to step, and the state in which their rows start.
+// State of layer contacts that is kept from step to step, and the start of their rows.
 
 #include <algorithm>
 #include <cmath>
@@ -10,13 +10,13 @@
 namespace softgym_mj::cloth {
 namespace {
 
-// A number for each pair but 0: above it if it is a vertex and a triangle, below it if it is two edges.
+// Key of a pair, never 0: positive for a vertex and a triangle, negative for two edges.
 double KeyOf(const Mesh& mesh, const Pair& pair) {
   if (pair.edges) return -1.0 - static_cast<double>(pair.first) * mesh.edges.size() - pair.second;
   return 1.0 + static_cast<double>(pair.first) * mesh.triangles.size() + pair.second;
 }
 
-// Number of the first of a pair among all vertices and edges; -1 of a number that is no key, as a state may hold any.
+// Index of the first item of a pair among all vertices and edges; -1 if a number of the state is not a key.
 int FirstOf(const Mesh& mesh, double key) {
   const bool edges = key < 0;
   const double first = (std::fabs(key) - 1) / (edges ? mesh.edges.size() : mesh.triangles.size());

@@ -11,19 +11,18 @@
 namespace softgym_mj::cloth {
 namespace {
 
-// Pairs that are apart by more than this share of the thickness do not push for now.
+// Pairs with a gap above this share of the thickness exert no force yet.
 constexpr float kNotYet = 0.01f;
-// Vertices that lie in one place, or fly apart at any speed, make pairs of all with all: of 64 x 64 vertices a hundred
-// million. Boxes that overlap are looked at up to this number, 8 bytes each. Pairs that may touch are kept up to
-// kMostPairs or, of larger cloth, to kMostOfVertex for each vertex on average, several times as many as in a pile: each
-// takes some 200 bytes, and up to eight times that if a vertex has more than 256 of them, as rows that share it fill a
-// block each.
+// Coincident or very fast vertices form pairs of all with all: 64 x 64 vertices have 100 million. The search is limited
+// to this number of overlapping boxes, 8 bytes each. Pairs that may touch are limited to kMostPairs or, for larger
+// cloth, to kMostOfVertex per vertex on average, several times the number of a pile: each takes about 200 bytes, and up
+// to eight times that if a vertex has more than 256 of them, because rows that share a vertex fill a block each.
 constexpr size_t kMostOverlaps = 1 << 24;
 constexpr size_t kMostPairs = 1 << 18, kMostOfVertex = 64;
-constexpr float kFurthest = 1e30f;  // [m] Of boxes, at which none overlaps those of empty places.
-constexpr int kChunk = 1 << 12;     // Candidates that are filtered at once: whole blocks.
+constexpr float kFurthest = 1e30f;  // [m] Limit of boxes, so that none overlaps those of unused lanes.
+constexpr int kChunk = 1 << 12;     // Candidates that are filtered together: whole blocks.
 
-// Bits of three coordinates in turn: near items get near numbers.
+// Morton code: interleaved bits of three coordinates, so that near items get near numbers.
 std::uint64_t Morton(const double* x, const double* low, double size) {
   std::uint64_t code = 0;
   for (int k = 0; k < 3; ++k) {
@@ -130,7 +129,7 @@ void Layers::Reset(const Mesh& mesh, const ClothKernels& kernels) {
     for (int i = 0; i < count; ++i) ids[i] = codes[i].second;
     return ids;
   };
-  // Only surfaces have vertices that can touch triangles' insides.
+  // Only vertices of surfaces can touch the inside of triangles.
   std::vector<int> single(mesh.NumVertices());
   for (int v = 0; v < mesh.NumVertices(); ++v) single[v] = v;
   vertices_.Build(order(single, 1), single, 1);
@@ -168,7 +167,7 @@ bool Layers::Collect(Tree* a, Tree* b, bool same, std::vector<int>* out) {
 
 void Layers::FindCandidates(const AlignedFloats& position, const AlignedFloats& move) {
   if (Covers(position, move)) return;
-  // What moves too fast for them to be kept gets none.
+  // Vertices that are too fast to keep candidates get no margin.
   float fastest = 0;
   for (float u : move) fastest = std::max(fastest, std::fabs(u));
   const float slack = kSlack * reach_, margin = reach_ / 2 + (fastest < slack / 2 ? slack : 0);
@@ -182,7 +181,7 @@ void Layers::FindCandidates(const AlignedFloats& position, const AlignedFloats& 
   for (Tree* tree : {&vertices_, &triangles_, &edges_}) tree->Bound(*kernels_, low_.data(), high_.data());
   all_overlaps_ = Collect(&vertices_, &triangles_, false, &triangle_candidates_);
   all_overlaps_ &= Collect(&edges_, &edges_, true, &edge_candidates_);
-  if (!all_overlaps_) low_.clear();  // Which ones there are depends on the boxes: they are not kept.
+  if (!all_overlaps_) low_.clear();  // Incomplete candidates depend on the boxes and are not kept.
 }
 
 void Layers::Filter(const Scene& scene, const std::vector<int>& candidates,
@@ -230,8 +229,8 @@ void Layers::Find(const Mesh& mesh, const AlignedFloats& position, const Aligned
   found_.erase(std::remove_if(found_.begin(), found_.end(), left_out), found_.end());
 }
 
-// 0 of pairs near marked vertices that push, 1 of others near them, 2 of others. It depends on the reference positions
-// only, not on gaps.
+// Returns 0 for pushing pairs near marked vertices, 1 for other pairs near them, 2 for all others. The result depends
+// on reference positions only, not on gaps.
 std::vector<int> Layers::GroupRows(const Mesh& mesh, const std::vector<bool>& near) {
   std::vector<int> group(pairs.size(), 2);
   std::vector<bool> marked = near;

@@ -1,4 +1,4 @@
-// The rows of a processor's core, block after block, for `ClothKernels`.
+// CPU loops over blocks of rows, for `ClothKernels`.
 
 #ifndef SOFTGYM_MJ_CLOTH_LOOPS_H_
 #define SOFTGYM_MJ_CLOTH_LOOPS_H_

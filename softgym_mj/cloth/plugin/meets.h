@@ -1,4 +1,4 @@
-// Whether two features would pass through each other in a step, and what may be done about it.
+// Continuous collision detection of two features in a step.
 
 #ifndef SOFTGYM_MJ_CLOTH_MEETS_H_
 #define SOFTGYM_MJ_CLOTH_MEETS_H_
@@ -10,17 +10,17 @@
 
 namespace softgym_mj::cloth {
 
-constexpr double kPressed = 1e-3;  // [m] By which impacts may press vertices into solids and planes.
+constexpr double kPressed = 1e-3;  // [m] Depth to which impact zones may press vertices into solids and planes.
 
 namespace {
 
 // A pair may come as near as this share of its distance in one step.
 constexpr double kNearest = 0.1;
-// Pairs that are nearer than this [m] are past help: to hold them would only freeze them where they are.
+// [m] Closer pairs are ignored: holding them would only freeze them.
 constexpr float kPast = 1e-4f;
-constexpr int kMaxAdvances = 100;  // Of one pair: as good as touching after that.
+constexpr int kMaxAdvances = 100;  // Iterations per pair, after which it counts as touching.
 constexpr int kMaxRounds = 100;
-constexpr double kImmovable = 1e9;  // [kg] A zone that weighs more goes where it is carried.
+constexpr double kImmovable = 1e9;  // [kg] A heavier zone moves with its held vertices.
 
 inline double PairDistance(bool edges, const Vector x[4]) {
   if (edges) {

@@ -11,20 +11,21 @@
 namespace softgym_mj::cloth {
 namespace {
 
-// Layers of the same flex are kept a diameter apart, but a vertex's surroundings no further than this share of the
-// smallest height of its triangles: in a flat sheet a vertex must not touch the triangles beside it.
+// Layers of a flex touch at a distance of one diameter, limited to this share of the smallest height of a vertex's
+// triangles: in a flat sheet a vertex must not touch the triangles beside it.
 constexpr double kMaxThickness = 0.9;
-// The edges of a grid of springs, with diagonals of 0.3 times the stiffness, together resist more than its rows do.
+// Stretch stiffness of a grid of springs, with diagonals of 0.3 times the stiffness, relative to that of its rows.
 constexpr double kGrid = 1.2;
 // Inner edges whose triangles have less than this share of their squared length are diagonals.
 constexpr double kDiagonal = 0.75;
 // With the stiffness kBend B / length^2 of all hinges, a strip cut from a grid of squares with alternating diagonals
 // bends like a plate of rigidity B in every direction, in the limit of long waves: its energy for curvatures k is
 // B/2 (3/2) (kxx^2 + kyy^2 + 2 kxy^2 - (kxx + kyy)^2 / 4), of which a free strip keeps B/2 kxx^2 (kyy = kxx / 3).
-// The quarter is what vertices of four edges give way against those of eight. Equilateral triangles: 1.15 B.
+// The quarter is the compliance of vertices with four edges relative to those with eight. Equilateral triangles: 1.15
+// B.
 constexpr double kBend = 1.5;
 
-// Area of a triangle with these sides.
+// Area of a triangle with sides a, b, c.
 double Heron(double a, double b, double c) {
   const double s = (a + b + c) / 2;
   return std::sqrt(std::max(0.0, s * (s - a) * (s - b) * (s - c)));
@@ -71,7 +72,7 @@ void AddTriangles(const mjModel* m, int flex, int first, Mesh* mesh) {
   }
 }
 
-// Hinges of quadratic bending (Bergou et al., A Quadratic Bending Model for Inextensible Surfaces, 2006).
+// Adds hinges of quadratic bending (Bergou et al., A Quadratic Bending Model for Inextensible Surfaces, 2006).
 void AddHinges(const Material& material, int first_edge, Mesh* mesh) {
   for (size_t e = first_edge; e < mesh->edges.size(); ++e) {
     const Mesh::Edge& edge = mesh->edges[e];
@@ -101,7 +102,7 @@ void AddHinges(const Material& material, int first_edge, Mesh* mesh) {
   }
 }
 
-// Edges of a rope from each vertex that has not two of them to the next such one; then what is left, rings.
+// Adds chains of rope edges: from each vertex without exactly two edges to the next such vertex, then closed rings.
 void AddChains(const Material& material, int first_edge, Mesh* mesh) {
   std::vector<std::vector<int>> at(mesh->part.size());
   for (size_t e = first_edge; e < mesh->edges.size(); ++e) {
@@ -147,7 +148,7 @@ void AddChains(const Material& material, int first_edge, Mesh* mesh) {
   }
 }
 
-// Adds the mass of each vertex of a flex; returns that of all. Those that bodies carry are as heavy as the others.
+// Adds the mass of each vertex of a flex; returns the total. Vertices carried by bodies weigh as much as others.
 double AddMasses(const mjModel* m, int flex, Mesh* mesh) {
   const int *body = m->flex_vertbodyid + m->flex_vertadr[flex], count = m->flex_vertnum[flex];
   const int own = static_cast<int>(std::count_if(body, body + count, [&](int b) { return OnSlides(m, b); }));
@@ -174,7 +175,7 @@ Mesh MakeMesh(const mjModel* m, const std::vector<int>& flexes, const std::vecto
                                  static_cast<float>(2 * m->flex_radius[f]));
     double size = 0;
     const double mass = AddMasses(m, f, &mesh);
-    // As shares of the flex's size: no matter where it is, what is near in it stays near.
+    // Relative to the flex's size, so that the order does not depend on its position.
     for (int i = 0; i < m->flex_vertnum[f]; ++i) {
       const mjtNum* share = m->flex_vert0 + 3 * (m->flex_vertadr[f] + i);
       for (int k = 0; k < 3; ++k) mesh.rest.push_back(2 * m->flex_size[3 * f + k] * share[k] + 4.0 * p);

@@ -1,4 +1,4 @@
-// Numbers of the method, wherever it is carried out.
+// Constants of the method, shared by CPU and GPU code.
 
 #ifndef SOFTGYM_MJ_CLOTH_METHOD_H_
 #define SOFTGYM_MJ_CLOTH_METHOD_H_
@@ -7,30 +7,31 @@
 
 namespace softgym_mj::cloth {
 
-// A vertex' reference position follows when it is further away than this [m]; slower ones count as standing still.
-// Without it the normals of a pile jitter, and it never comes to rest.
+// [m] The reference position of a vertex follows only if it is further away than this; other vertices count as at rest.
+// Without this hysteresis the normals of a pile jitter and it never comes to rest.
 constexpr double kHysteresis = 5e-4;
 constexpr float kInterest = 1.3f;  // Pairs further apart than this many thicknesses are left out.
-// Boxes get this share of the reach more, so that candidates can be kept for some steps of slow motion.
+// Relative enlargement of boxes beyond the reach, so that candidates stay valid for some steps of slow motion.
 constexpr float kSlack = 0.25f;
-constexpr float kSearchMargin = 0.65f;  // Share of the thickness by which vertices may end elsewhere than was searched.
+// Share of the thickness by which the end of a step may deviate from the searched motion.
+constexpr float kSearchMargin = 0.65f;
 constexpr int kMaxSearches = 4;
-constexpr int kRopePasses = 4;           // Of ropes that impact zones have pulled at, and of these zones, alternating.
-constexpr int kRopeSolves = 2;           // Newton's steps of each: 0.4 of an edge leaves 0.015 of it.
-constexpr double kPlaneMargin = 0.02;    // [m] Vertices that are further than this and two steps cannot reach a plane.
-constexpr double kSolidMargin = 0.002;   // [m] Beyond what can come near to a solid in a step.
-constexpr double kVelocityMargin = 0.2;  // [m/s] By which bodies may be faster at the end of a step than at its start.
-// Substeps after which the nearest points of triangles to solids are found anew, if nothing moves further in them [m].
+constexpr int kRopePasses = 4;           // Largest number of alternations of impact zones and ropes.
+constexpr int kRopeSolves = 2;           // Newton steps per alternation: an error of 0.4 edge lengths becomes 0.015.
+constexpr double kPlaneMargin = 0.02;    // [m] Vertices this much beyond two steps of motion cannot reach a plane.
+constexpr double kSolidMargin = 0.002;   // [m] Added to the distance that can be covered in a step.
+constexpr double kVelocityMargin = 0.2;  // [m/s] Largest increase of a body's speed within a step.
+// Substeps between searches for the nearest points of triangles to solids, if nothing moves further than kSearchWay [m]
+// in them.
 constexpr int kSearchInterval = 5;
 constexpr double kSearchWay = 0.01;
 
-// The same, if the fastest vertex moves as far as this in a step [m].
+// Substeps between searches if the fastest vertex moves by `fastest` [m] in a step.
 inline int SearchInterval(double fastest, int substeps) {
   return fastest * kSearchInterval > substeps * kSearchWay ? 1 : kSearchInterval;
 }
 
-// A row's place among others: of its vertices alone. As the finalizer of MurmurHash3 by Appleby, which is in the
-// public domain.
+// Hash of a row's vertices, which determines its order; the finalizer of MurmurHash3 by Appleby (public domain).
 inline std::uint32_t RowHash(const int* vertex, int corners) {
   std::uint32_t h = 0;
   for (int k = 0; k < corners; ++k) {

@@ -9,8 +9,7 @@
 namespace softgym_mj::cloth {
 namespace {
 
-// [kg] A vertex that counts as this much heavier than it is in mjModel.dof_M0 is held: it keeps the velocity that it is
-// given.
+// [kg] A vertex whose mass in mjModel.dof_M0 exceeds its own by this much is held: it keeps its given velocity.
 constexpr double kHeldMass = 1;
 
 // Pose of a body at the start of the step, from mjData.
@@ -21,7 +20,7 @@ Pose StartPose(const mjData* d, int body) {
   return pose;
 }
 
-// A point in the frame of a body.
+// Transforms a point to the frame of a body.
 void Localize(const Pose& pose, const mjtNum* point, mjtNum* local) {
   mjtNum back[4];
   mju_sub3(local, point, pose.position);
@@ -38,7 +37,7 @@ void PointVelocity(const mjModel* m, const mjData* d, int body, const mjtNum* po
   mju_addTo3(out, velocity + 3);
 }
 
-// The two sides of an equality that ties: their bodies, and the points that it holds together.
+// The two sides of an equality constraint: bodies and constrained points.
 struct Ends {
   int body[2];
   mjtNum point[2][3];
@@ -61,7 +60,7 @@ bool FindEnds(const mjModel* m, const mjData* d, int equality, Ends* ends) {
   return true;
 }
 
-// Writes the motion of a vertex that slides in the world.
+// Writes the motion of a vertex whose slides are in the world frame.
 void ApplyTo(int v, mjData* d, const Workspace& w) {
   const Vector move = FromArray(&w.motion.move[3 * v]), velocity = FromArray(&w.motion.velocity[3 * v]);
   for (int k = 0; k < 3; ++k) {
@@ -91,7 +90,7 @@ bool Gather(const mjModel* m, const mjData* d, Workspace* w) {
     const Vertex& vertex = w->vertices[v];
     mju_copy3(&start.position[3 * v], d->flexvert_xpos + 3 * address);
     if (vertex.dof < 0) {
-      // Its body carries it, from its pose at the start to that at the end.
+      // Its parent body carries it from the pose at the start to that at the end.
       const Pose pose = BodyPose(m, d, vertex.body);
       mjtNum end[3];
       mju_rotVecQuat(end, m->flex_vert + 3 * address, pose.quaternion);
@@ -111,7 +110,7 @@ bool Gather(const mjModel* m, const mjData* d, Workspace* w) {
         mjtNum local[3], *carried = &start.velocity[3 * v];
         Localize(from, &start.position[3 * v], local);
         if (held) {
-          // As the parent moves it in the step.
+          // Motion of the parent in the step.
           mju_rotVecQuat(carried, local, to.quaternion);
           mju_addTo3(carried, to.position);
           mju_subFrom3(carried, &start.position[3 * v]);
@@ -126,7 +125,7 @@ bool Gather(const mjModel* m, const mjData* d, Workspace* w) {
       }
       mjtNum quaternion[4];
       mju_mulQuat(quaternion, from.quaternion, m->body_quat + 4 * body);
-      // MuJoCo has solved damping of slides implicitly, as if they were that much heavier.
+      // MuJoCo solves the damping of slides implicitly, which acts like added mass.
       start.inverse_mass[v] = held ? 0 : static_cast<float>(1 / (mass + dt * m->dof_damping[vertex.dof]));
       start.yielding[v] = start.inverse_mass[v];
       if (held) start.yielding[v] = static_cast<float>(1 / w->mesh.mass[v]);
@@ -156,7 +155,7 @@ void HoldTied(const mjModel* m, const mjData* d, Workspace* w) {
         if (w->vertices[v].dof >= 0 && w->vertices[v].body == ends.body[side]) found[side] = static_cast<int>(v);
       }
     }
-    if ((found[0] < 0) == (found[1] < 0)) continue;  // Neither, or two that are sewn together.
+    if ((found[0] < 0) == (found[1] < 0)) continue;  // Neither side is a vertex, or both are.
     const int side = found[0] < 0, v = found[side], body = ends.body[1 - side];
     if (start.inverse_mass[v] > 0) {
       for (int k = 0; k < 3; ++k) {
@@ -174,7 +173,7 @@ void HoldTied(const mjModel* m, const mjData* d, Workspace* w) {
       start.ties.push_back(tie);
     }
   }
-  // One that is tied to what does not move, too, goes where MuJoCo moves it; of two that move the first one leads.
+  // A vertex that is also tied to a fixed body follows MuJoCo; of two moving bodies the first one leads.
   std::vector<Tie> ties;
   for (const Tie& tie : start.ties) {
     if (!fixed[tie.vertex]) ties.push_back(tie);

@@ -1,4 +1,4 @@
-// Between mjData and the solver: what vertices and planes do at the start of a step, and vertices at its end.
+// Transfers the state of vertices and planes from mjData to the solver, and that of vertices back.
 
 #ifndef SOFTGYM_MJ_CLOTH_MOTION_H_
 #define SOFTGYM_MJ_CLOTH_MOTION_H_
@@ -9,13 +9,13 @@
 
 namespace softgym_mj::cloth {
 
-// Fills what the vertices start with; false if something is not finite.
+// Gathers the initial state of a step; returns false if a number is not finite.
 bool Gather(const mjModel* m, const mjData* d, Workspace* w);
-// Vertices that an equality ties to something else move as MuJoCo has moved them.
+// Makes vertices tied by an equality constraint follow MuJoCo's motion.
 void HoldTied(const mjModel* m, const mjData* d, Workspace* w);
 void FindPlanes(const mjModel* m, const mjData* d, Workspace* w);
-// Writes the motion to qvel and qpos: first of vertices in the world, and, once bodies are where they go, of those that
-// slide in them or are tied to them.
+// Writes the motion to qvel and qpos: first of vertices in the world frame and then, once bodies have their final
+// poses, of vertices that slide in or are tied to bodies.
 void Apply(mjData* d, const Workspace& w);
 void ApplyToLed(const mjModel* m, mjData* d, const Workspace& w);
 

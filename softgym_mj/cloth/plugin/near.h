@@ -1,4 +1,4 @@
-// Whether vertices may come near to a solid in a step.
+// Culling: whether vertices may come near a solid in a step.
 
 #ifndef SOFTGYM_MJ_CLOTH_NEAR_H_
 #define SOFTGYM_MJ_CLOTH_NEAR_H_
@@ -11,8 +11,8 @@
 namespace softgym_mj::cloth {
 namespace {
 
-// Nearer than `margin` [m]: of the middle of some vertices, less how far the furthest of them is from it. `position`:
-// x y z and how far it moves in the step, of each vertex [m]. `bound`: radius around the solid [m].
+// Whether vertices may come nearer than `margin` [m], tested with bounding spheres. `position`: x y z and displacement
+// in the step of each vertex [m]. `bound`: bounding radius of the solid [m].
 inline bool ComesNear(const float* position, const int* vertex, int corners, const Geom& solid, float bound,
                       float margin) {
   float middle[3] = {0, 0, 0}, furthest = 0, fastest = 0, away = 0;

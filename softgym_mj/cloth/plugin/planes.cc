@@ -39,7 +39,7 @@ void Planes::Start(const Mesh& mesh, const cloth::Start& start, const std::vecto
         active.blocks.push_back(block);
       }
     }
-    // With bodies about, vertices that the repeated rows push are pushed as often by the floor.
+    // With bodies near, the floor is swept as often as the repeated rows that push vertices into it.
     if (layers) {
       std::vector<int> far;
       for (int block : active.blocks) {

@@ -14,34 +14,34 @@
 
 namespace softgym_mj::cloth {
 
-// A fixed plane that vertices stay in front of.
+// A fixed plane, a boundary of vertices.
 struct PlaneContact {
   double point[3], normal[3];
-  std::vector<float> friction;  // With each flex.
-  std::vector<bool> touches;    // Each flex.
+  std::vector<float> friction;  // Friction coefficient with each flex.
+  std::vector<bool> touches;    // Whether it touches each flex.
 };
 
 class Planes {
  public:
-  // Finds what may touch in a step. `layers`: null if there are no bodies about. Else rows near them are swept again
-  // and again, and the planes with them.
+  // Finds vertices that may touch in a step. `layers`: null if no bodies are near; otherwise rows near bodies are swept
+  // repeatedly, and planes with them.
   void Start(const Mesh& mesh, const cloth::Start& start, const std::vector<PlaneContact>& contacts,
              const Layers* layers, const Points& points, double timestep);
   // Marks the vertices that are nearer than this share of their radius.
   void MarkTouching(const Mesh& mesh, double share, std::vector<bool>* touches) const;
-  // Near vertices start with a share of the impulses of the last substep.
+  // Warm start: near vertices start with a share of the impulses of the last substep.
   void Warm(const ClothKernels& kernels, const Points& points, float share);
   // `pass`: of near vertices; others have one sweep a substep.
   void Sweep(const ClothKernels& kernels, const Points& points, const ContactRow& row, SweepPass pass);
   void SweepNear(const ClothKernels& kernels, const Points& points, const ContactRow& row, SweepPass pass);
-  // Lifts what moves as one with something that is held, and would be pulled into a plane by it. Whether there was any.
+  // Lifts vertices of zones that a held vertex would pull into a plane; returns whether there were any.
   bool LiftOut(const cloth::Start& start, Motion* motion) const;
 
  private:
   struct Active {
     float normal[3];
     AlignedFloats gap, friction, impulse;
-    std::vector<int> blocks, near_blocks;  // Those that may touch, and that bodies push.
+    std::vector<int> blocks, near_blocks;  // Blocks that may touch, and blocks pushed by bodies.
 
     Plane View(const std::vector<int>& some);
     Plane Far() { return View(blocks); }

@@ -12,10 +12,10 @@ namespace {
 
 constexpr double kRight = 1e-3;  // Cosine below which an angle is a right one, and lines are parallel to within.
 constexpr int kDirections = 8;   // Over which the stiffness of a mesh is averaged: exact, as it is of fourth order.
-// What vertices give way by is found to this share of the forces that make them, or in so many rounds.
+// Relative residual of the conjugate gradients that find displacements of vertices.
 constexpr double kLeft = 1e-3;
 constexpr int kMostRounds = 300;
-// Share of narrow strips in what a mesh is said to resist with: fabrics are measured with them, sheets are wide.
+// Weight of narrow strips in the mean stiffness of a mesh: fabrics are measured with strips, sheets are wide.
 constexpr double kNarrow = 0.75;
 constexpr double kPi = 3.14159265358979323846;
 
@@ -25,7 +25,7 @@ struct Plate {
     const double mean = (along + across) / 2, bias = material.bend_bias > 0 ? material.bend_bias : mean;
     twist = std::max(0.0, 2 * bias - mean);
   }
-  // Of a bend into a cylinder around what is perpendicular to a direction (c, s).
+  // Stiffness against bending into a cylinder along a direction (c, s).
   double Across(double c, double s) const {
     return along * c * c * c * c + across * s * s * s * s + 2 * twist * c * c * s * s;
   }
@@ -33,7 +33,7 @@ struct Plate {
 
 Vector At(const Mesh& mesh, int vertex) { return FromArray(&mesh.rest[3 * vertex]); }
 
-// The edge of a triangle opposite of its right angle, as a place in `edge`; -1 if it has none.
+// Index in `edge` of the hypotenuse of a right triangle; -1 if the triangle has no right angle.
 int Hypotenuse(const Mesh& mesh, const Mesh::Triangle& triangle) {
   for (int k = 0; k < 3; ++k) {
     const double c = mesh.edges[triangle.edge[k]].length, a = mesh.edges[triangle.edge[(k + 1) % 3]].length,
@@ -72,7 +72,7 @@ bool FindGrid(const Mesh& mesh, int first_edge, int first_triangle, Grid* grid) 
     }
     const Vector way = (1 / edge.length) * (At(mesh, edge.vertex[1]) - At(mesh, edge.vertex[0]));
     if (Norm(direction[0]) == 0) {
-      // Along is what is nearer to X.
+      // "Along" is the direction nearer to X.
       Vector other = way;
       for (int side : mesh.triangles[edge.triangle[0]].edge) {
         const Mesh::Edge& leg = mesh.edges[side];
@@ -98,8 +98,8 @@ bool FindGrid(const Mesh& mesh, int first_edge, int first_triangle, Grid* grid) 
 
 double Distance(const Mesh& mesh, int v, int w) { return Norm(At(mesh, w) - At(mesh, v)); }
 
-// Second differences along the lines. What is at a rim that cuts cells has a neighbour on one side only: its area
-// counts with that.
+// Adds second differences along the grid lines. A vertex at a rim that cuts cells has a neighbor on one side only; its
+// area is added to that neighbor.
 void AddLines(const Material& material, const Plate& plate, const Grid& grid, int first, Mesh* mesh) {
   for (int v = first; v < mesh->NumVertices(); ++v) {
     for (int d = 0; d < 2; ++d) {
@@ -118,8 +118,7 @@ void AddLines(const Material& material, const Plate& plate, const Grid& grid, in
   }
 }
 
-// Of each cell the difference of its diagonals' middles. Where a rim cuts one in halves, what is left of it counts with
-// the cells beside.
+// Adds the difference of the diagonals' midpoints of each cell. Half cells at a rim are added to adjacent cells.
 void AddCells(const Material& material, const Plate& plate, const Grid& grid, int first_edge, int first_triangle,
               Mesh* mesh) {
   const auto is_cell = [&](int e) { return grid.is_diagonal[e] && mesh->edges[e].triangle[1] >= 0; };
@@ -154,10 +153,10 @@ void AddCells(const Material& material, const Plate& plate, const Grid& grid, in
   }
 }
 
-// Of a hinge: its sum for bends kxx, kyy and kxy of 1/m.
+// Values of a hinge for curvatures kxx, kyy and kxy of 1/m.
 using Sums = std::array<double, 3>;
 
-// A hinge of an edge; false if it has no side to bend to. Its stiffness is not scaled yet.
+// Makes the hinge of an edge, with unscaled stiffness; returns false if the edge lacks a triangle.
 bool MakeHinge(const Mesh& mesh, const Mesh::Edge& edge, const Plate& plate, double damping, Mesh::Hinge* hinge,
                Sums* sums) {
   if (edge.triangle[1] < 0) return false;
@@ -167,7 +166,7 @@ bool MakeHinge(const Mesh& mesh, const Mesh::Edge& edge, const Plate& plate, dou
   const Vector start = At(mesh, edge.vertex[0]);
   const Vector way = (1 / length) * (At(mesh, edge.vertex[1]) - start);
   const double height[2] = {2 * a / length, 2 * b / length};
-  // Of both triangles, unfolded: where along the edge they are highest.
+  // Positions along the edge of the two opposite corners, unfolded.
   double place[2];
   for (int k = 0; k < 2; ++k) place[k] = Dot(At(mesh, edge.opposite[k]) - start, way);
   const Vector side = (1 / height[0]) * (At(mesh, edge.opposite[0]) - start - place[0] * way);
@@ -182,7 +181,7 @@ bool MakeHinge(const Mesh& mesh, const Mesh::Edge& edge, const Plate& plate, dou
     along += length * place[k] * (length - place[k]) / (2 * height[k]);
   }
   const double across = -(a + b), both = length * (place[1] - place[0]);
-  // X and what is across it, in the surface: along the edge and to the side of it.
+  // Directions in the surface: along the edge and perpendicular to it.
   const double size = std::hypot(way.x, side.x);
   const double x[2] = {size > kRight ? way.x / size : 1, size > kRight ? side.x / size : 0};
   const double sign = x[0] * side.y - x[1] * way.y < 0 ? -1 : 1;
@@ -195,7 +194,7 @@ bool MakeHinge(const Mesh& mesh, const Mesh::Edge& edge, const Plate& plate, dou
   return true;
 }
 
-// By how much vertices give way (n) when the hinges are bent into sums (m): where their energy is least. By conjugate
+// Returns the displacements (n) of vertices that minimize the energy of hinges bent to `sums` (m), by conjugate
 // gradients.
 std::vector<double> GiveWay(const std::vector<Mesh::Hinge>& hinges, const std::vector<bool>& stays,
                             const std::vector<double>& sums) {
@@ -236,10 +235,10 @@ std::vector<double> GiveWay(const std::vector<Mesh::Hinge>& hinges, const std::v
   return place;
 }
 
-// Stiffness against bends kxx, kyy, kxy.
+// Stiffness tensor of curvatures kxx, kyy, kxy.
 using Tensor = std::array<Sums, 3>;
 
-// Of the hinges that `counts` says, times their area.
+// Stiffness times area of the hinges selected by `counts`.
 Tensor Stiffness(const std::vector<Mesh::Hinge>& hinges, const std::array<std::vector<double>, 3>& sums,
                  const std::vector<bool>& counts) {
   Tensor out = {};
@@ -253,8 +252,8 @@ Tensor Stiffness(const std::vector<Mesh::Hinge>& hinges, const std::array<std::v
   return out;
 }
 
-// Mean over all directions of what wide sheets resist with, which bend into cylinders, and narrow strips, which bend
-// across as they like. 0 if there is a bend that nothing resists.
+// Mean stiffness over all directions of wide sheets, which bend into cylinders, and narrow strips, which bend freely
+// across. 0 if there is a mode without stiffness.
 double Mean(const Tensor& b) {
   Tensor inverse;
   double determinant = 0;
@@ -282,7 +281,7 @@ double Mean(const Tensor& b) {
   return sum / kDirections;
 }
 
-// Vertices of the rim, and those beside them: what is bent there stays as it is.
+// Marks vertices of the rim and their neighbors, which are kept fixed.
 std::vector<bool> Rim(const Mesh& mesh, int first_edge) {
   std::vector<bool> is_rim(mesh.part.size());
   for (size_t e = first_edge; e < mesh.edges.size(); ++e) {
@@ -296,7 +295,7 @@ std::vector<bool> Rim(const Mesh& mesh, int first_edge) {
   return stays;
 }
 
-// Hinges of the edges of any mesh.
+// Adds hinges of the edges of an arbitrary mesh.
 void AddEdges(const Material& material, const Plate& plate, int first_edge, int first_triangle, Mesh* mesh) {
   std::vector<Mesh::Hinge> hinges;
   std::array<std::vector<double>, 3> sums;
@@ -322,7 +321,7 @@ void AddEdges(const Material& material, const Plate& plate, int first_edge, int 
       for (int k = 0; k < 4; ++k) bend[i] += hinges[i].weight[k] * moved[hinges[i].vertex[k]];
     }
   }
-  // The rim gives way as what is inside does.
+  // The rim is scaled like the interior.
   if (before > 0) stored *= Mean(Stiffness(hinges, sums, gives)) / before;
   for (Mesh::Hinge& hinge : hinges) {
     hinge.stiffness *= stored > 0 && wanted > 0 ? wanted / stored : 1;

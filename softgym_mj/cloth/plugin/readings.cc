@@ -1,4 +1,4 @@
-// What Python reads after a step: functions that it finds in the library by their names.
+// Functions that Python calls after a step, exported by name.
 
 #include <algorithm>
 #include <vector>
@@ -12,7 +12,7 @@
 namespace softgym_mj::cloth {
 namespace {
 
-// Index of a vertex in mjModel; -1 for none.
+// Index of a vertex in mjModel; -1 for an unused one.
 int ModelVertex(const mjModel* m, const Workspace& w, int vertex) {
   if (vertex >= w.mesh.NumVertices()) return -1;
   const int part = w.mesh.part[vertex];
@@ -22,8 +22,8 @@ int ModelVertex(const mjModel* m, const Workspace& w, int vertex) {
 }  // namespace
 }  // namespace softgym_mj::cloth
 
-// Copies the contacts between geoms and flexes in the last step, `capacity` at most, with vertices as in mjModel.
-// Returns how many there are.
+// Copies up to `capacity` contacts between geoms and flexes of the last step, with vertices of mjModel. Returns the
+// total number of contacts.
 SGM_EXPORT int softgym_mj_cloth_contacts(const mjModel* m, const mjData* d, softgym_mj::cloth::Contact* out,
                                          int capacity) {
   using namespace softgym_mj::cloth;
@@ -39,7 +39,7 @@ SGM_EXPORT int softgym_mj_cloth_contacts(const mjModel* m, const mjData* d, soft
   return count;
 }
 
-// Mean force [N] of the last step with which its flex pulled a vertex of the model that is held. It is in the state.
+// Returns the mean force [N] of the flex on a held vertex of the model in the last step, from the plugin state.
 SGM_EXPORT double softgym_mj_cloth_holding_force(const mjModel* m, mjData* d, int vertex) {
   using namespace softgym_mj::cloth;
   int instance;

@@ -1,4 +1,4 @@
-// Whether two features may touch, for T = float or `Lanes`. See native/simd.h for what this must not use.
+// Tests whether two features may touch, for T = float or `Lanes`, under the restrictions of native/simd.h.
 
 #ifndef SOFTGYM_MJ_CLOTH_SEARCH_H_
 #define SOFTGYM_MJ_CLOTH_SEARCH_H_
@@ -81,7 +81,7 @@ inline auto MayMeet(const Vec3<T> position[4], const Vec3<T> move[4], int num_fi
   return Less(*distance - approach, reach) & Less(T(kTinyLength), *distance);
 }
 
-// The boxes of `eight` that overlap one box, as bits.
+// Returns which boxes of `eight` overlap one box, as bits.
 inline unsigned Touching(const Boxes& eight, const Lanes3& low, const Lanes3& high) {
   const Lanes3 least = Load3(eight.low), most = Load3(eight.high);
   return Bits((LessEqual(least.x, high.x) & LessEqual(low.x, most.x)) &
@@ -93,7 +93,7 @@ inline void Broadcast(const Boxes& eight, int i, Lanes3* low, Lanes3* high) {
   *high = {Lanes(eight.high[0][i]), Lanes(eight.high[1][i]), Lanes(eight.high[2][i])};
 }
 
-// Calls take(pair) for those of up to eight candidates, two ids each, that may touch: a vertex and a triangle, or two
+// Calls take(pair) for each of up to eight candidates, two ids each, that may touch: a vertex and a triangle, or two
 // edges.
 template <bool edges, class F>
 inline void Filter(const Scene& scene, const int* ids, int size, F take) {

@@ -1,5 +1,5 @@
-// The search for pairs on a processor: boxes in leaves of eight, candidates eight at a time. See native/simd.h for what
-// this must not use.
+// Search for pairs on a CPU: boxes in leaves of eight, candidates eight at a time, under the restrictions of
+// native/simd.h.
 
 #ifndef SOFTGYM_MJ_CLOTH_SEARCH_LOOPS_H_
 #define SOFTGYM_MJ_CLOTH_SEARCH_LOOPS_H_

@@ -1,4 +1,4 @@
-// What solids take back of impact zones.
+// Removes displacements of impact zones into solids.
 
 #include <algorithm>
 
@@ -7,9 +7,9 @@
 namespace softgym_mj::cloth {
 namespace {
 
-constexpr int kRounds = 10;  // Vertices that share triangles hinder each other.
+constexpr int kRounds = 10;  // Iterations, because vertices that share triangles are coupled.
 
-// The part of a row at a vertex that may move.
+// Weight of a vertex in a row; 0 if it is immovable.
 double Weight(const Points& points, const SolidBlock& block, int k, int lane) {
   return points.now[4 * block.vertex[k][lane] + 3] > 0 ? block.weight[k][lane] : 0;
 }
@@ -43,7 +43,7 @@ void Lift(const Points& points, const SolidBlock& block, int lane, Motion* motio
 void Solids::LiftOut(const Points& points, Motion* motion) const {
   for (int round = 0; round < kRounds; ++round) {
     for (const Active& active : actives_) {
-      if (active.body >= 0) continue;  // It gives way, or others hold it: between two there may be no room.
+      if (active.body >= 0) continue;  // Dynamic bodies are skipped: between two bodies there may be no room.
       for (const auto* blocks : {&active.point_blocks, &active.triangle_blocks}) {
         for (const SolidBlock& block : *blocks) {
           for (int lane = 0; block.active && lane < kBlock; ++lane) Lift(points, block, lane, motion);

@@ -1,4 +1,4 @@
-// What solids keep of a step: contacts to be looked at, and sides for the next step.
+// State that solids keep after a step: contacts for Python, and entry faces for the next step.
 
 #include <algorithm>
 #include <vector>
@@ -8,20 +8,20 @@
 namespace softgym_mj::cloth {
 namespace {
 
-// [m] From such a body, within which points remember the side: they may be inside by the next step.
+// [m] Distance from a small body within which points store their entry face: they may be inside in the next step.
 constexpr float kRemembered = 5e-4f;
-constexpr int kFaces = 8;  // Places for a face in what is remembered, which is never 0.
+constexpr int kFaces = 8;  // Number of face codes in a stored number, which is never 0.
 
 }  // namespace
 
-// By which side a point has come in; -1 if it was outside.
+// Returns the entry face of a point; -1 if it was outside.
 float Solids::SideOf(double key) const {
   const mjtNum* end = sides_ + kNumSides;
   const mjtNum* found = std::lower_bound(sides_, end, key * kFaces + 1);
   return found < end && *found < (key + 1) * kFaces ? static_cast<float>(*found - key * kFaces - 1) : -1;
 }
 
-// Each number is key * kFaces + face + 1. They are sorted, the unused ones (0) come first.
+// Stores key * kFaces + face + 1 for each point, sorted, with unused numbers (0) first.
 void Solids::KeepSides(mjtNum* sides) const {
   std::vector<mjtNum> kept;
   for (const Active& active : actives_) {

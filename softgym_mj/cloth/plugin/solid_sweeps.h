@@ -1,4 +1,4 @@
-// Rows of vertices, triangles and ropes against rigid shapes. See native/simd.h for what this must not use.
+// Rows of vertices, triangles and ropes against rigid shapes, under the restrictions of native/simd.h.
 
 #ifndef SOFTGYM_MJ_CLOTH_SOLID_SWEEPS_H_
 #define SOFTGYM_MJ_CLOTH_SOLID_SWEEPS_H_
@@ -12,13 +12,13 @@
 namespace softgym_mj::cloth {
 namespace {
 
-constexpr int kFrankWolfe = 12;  // Steps to the point of a triangle that is nearest to a shape.
-// A triangle's nearest point that is a corner but for the rest of this weight is left to the row of the vertex.
+constexpr int kFrankWolfe = 12;  // Iterations to find the point of a triangle nearest to a shape.
+// If a corner's weight in the nearest point exceeds this, the row of the vertex handles the contact.
 constexpr float kCorner = 0.97f;
 constexpr float kNowhere = 1e3f;  // [m] A gap that never closes.
-constexpr float kNear = 5e-4f;    // [m] Gaps below it are always looked at.
+constexpr float kNear = 5e-4f;    // [m] Rows with smaller gaps are always active.
 
-// The face of a box, 2 axis + (0 low, 1 high), that a point is furthest in front of, or least behind.
+// Face of a box, 2 axis + (0 low, 1 high), with the largest signed distance to a point.
 inline Lanes FaceOf(const float* half, const Lanes3& p) {
   const Lanes zero(0.0f), one(1.0f), two(2.0f);
   const Lanes x = Abs(p.x) - Lanes(half[0]), y = Abs(p.y) - Lanes(half[1]), z = Abs(p.z) - Lanes(half[2]);
@@ -28,8 +28,8 @@ inline Lanes FaceOf(const float* half, const Lanes3& p) {
   return MultiplyAdd(two, axis, Select(Less(zero, along), one, zero));
 }
 
-// Signed distance and outward normal in the frame of the shape. A point inside a box keeps to the side by which it has
-// come in, until it is outside again: the nearest one would push it through what is thin.
+// Signed distance and outward normal in the frame of the shape. A point inside a box uses its entry face until it is
+// outside again: the nearest face would push it through thin boxes.
 inline Lanes SidedDistance(const Geom& geom, const Lanes3& p, float* side, Lanes3* normal) {
   Lanes distance = Distance<Lanes>(geom.shape, geom.size, p, normal);
   const Lanes zero(0.0f), old = Lanes::Load(side);
@@ -52,7 +52,7 @@ inline Lanes SidedDistance(const Geom& geom, const Lanes3& p, float* side, Lanes
   return distance;
 }
 
-// Moves the weights to the point of the triangle that is nearest to the shape (Frank and Wolfe, 1956).
+// Finds the weights of the point of a triangle nearest to the shape (Frank and Wolfe, 1956).
 inline void Approach(const Geom& geom, const Lanes3 corner[3], Lanes weight[3]) {
   if (geom.shape == Shape::kSphere) {
     const Lanes3 centre = {Lanes(0.0f), Lanes(0.0f), Lanes(0.0f)};
@@ -73,7 +73,7 @@ inline void Approach(const Geom& geom, const Lanes3 corner[3], Lanes weight[3]) 
   }
 }
 
-// Whether a row of the block may touch before the next search: if it closes twice as fast as now.
+// Whether a row of the block may touch before the next search, even at twice the current closing speed.
 inline bool MayClose(const Points& points, const SolidBlock& block, const Rigid* body, float substeps) {
   const Lanes zero(0.0f);
   Lanes3 moved = {zero, zero, zero};
@@ -133,7 +133,7 @@ inline void FindSolid(const Points& points, const float* start, const Geom& geom
     const Lanes3 centre = {Lanes(body->centre[0]), Lanes(body->centre[1]), Lanes(body->centre[2])};
     const Lanes3 arm = there - centre;
     Store3(arm, block->arm);
-    // At most what the point gives way for a unit impulse in any direction. All eight rows may push the body.
+    // Upper bound of the point's compliance in any direction. All eight rows may push the body.
     const double (*c)[6] = body->compliance;
     const float linear = static_cast<float>(c[0][0] + c[1][1] + c[2][2]);
     const float angular = static_cast<float>(c[3][3] + c[4][4] + c[5][5]);
@@ -146,7 +146,7 @@ inline void FindSolid(const Points& points, const float* start, const Geom& geom
   OneLane([&] { block->active = may_close; });
 }
 
-// Applies the change of the impulses on eight points to the vertices and, the other way, to the body.
+// Applies a change of the impulses on eight points to the vertices, and the opposite to the body.
 inline void PushSolid(const Points& points, const SolidBlock& block, const Lanes3& change, Rigid* body) {
   for (int k = 0; k < 3; ++k) {
     Lanes mass;

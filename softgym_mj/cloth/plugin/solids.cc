@@ -10,25 +10,26 @@
 namespace softgym_mj::cloth {
 namespace {
 
-// [N] With which a body that is told where to go, as pickers are, pushes a point at most: it comes through what it
-// presses against the floor or another one, instead of tearing it.
+// [N] Largest force of a kinematic body, such as a picker, on a point: it passes through cloth that it presses against
+// the floor or another body instead of tearing it.
 constexpr double kMostForce = 0.1;
-constexpr double kShortWay = 0.1;  // [m] In a step: bodies that are near by less are looked at, however slow they are.
-constexpr double kLight = 5;       // [kg] Lighter bodies need impulses to be kept from substep to substep.
+constexpr double kShortWay = 0.1;  // [m] Bodies nearer than this are always checked, at any speed.
+constexpr double kLight = 5;       // [kg] Contacts of lighter bodies need a warm start from substep to substep.
 // Bodies of this bounding radius [m] count as small: pads of grippers.
 constexpr double kSmall = 0.05;
-// [m] Against them cloth is thinner, so that a pad that comes down beside it finds room between floor and cloth.
+// [m] Thickness of cloth against small bodies, so that a gripper pad fits between floor and cloth.
 constexpr double kThin = 0.002;
-// [m] Fixed points of triangles against them: the nearest point of a triangle jumps between the ends of a flat pad.
+// [m] Distance of fixed contact points on triangles against small bodies: the nearest point of a triangle would jump
+// between the ends of a flat pad.
 constexpr double kPointDistance = 0.0075;
-// [m] In a step: cloth that is faster has fixed points against all solids. A triangle that is stopped at its nearest
-// point alone goes on turning about it, for most of what is thin.
+// [m] Cloth that moves further in a step has fixed contact points against all solids: a triangle stopped only at its
+// nearest point keeps rotating about it, in particular at thin solids.
 constexpr double kHasty = 0.1;
-constexpr int kMostPoints = 16;  // Along an edge.
-// In all, of which each takes 150 bytes, or eight times that where many share a vertex: a cloth of 40 x 40 vertices
-// that lies on twenty solids, fast.
+constexpr int kMostPoints = 16;  // Largest number of fixed points along an edge.
+// Largest number of rows; each takes 150 bytes, or eight times that if many share a vertex. A fast cloth of 40 x 40
+// vertices on twenty solids needs as many.
 constexpr int kMostRows = 1 << 19;
-constexpr int kMostDofs = 2000;  // Of a tree whose inertia is to be inverted: 32 MB.
+constexpr int kMostDofs = 2000;  // Limit of a tree whose inertia is inverted: 32 MB.
 
 Shape ShapeOf(int type) {
   switch (type) {
@@ -47,7 +48,7 @@ Shape ShapeOf(int type) {
   }
 }
 
-// How far a geom that moves gets in the step at most [m]: as far as its velocity takes it, and some more.
+// Upper bound of the displacement of a moving geom in the step [m].
 double FurthestWay(const mjModel* m, const mjData* d, int geom) {
   const int body = m->geom_bodyid[geom];
   const mjtNum* velocity = d->cvel + 6 * body;  // Rotation, then translation of the tree's centre of mass.
@@ -118,7 +119,7 @@ void Solids::Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cl
       high[k] = std::max(high[k], x);
       square += start.velocity[3 * v + k] * start.velocity[3 * v + k];
     }
-    // In the fourth number: how far it moves in the step.
+    // The fourth number is the displacement in the step.
     position_[4 * v + 3] = static_cast<float>(dt * std::sqrt(square));
     fastest = std::max(fastest, dt * std::sqrt(square));
   }
@@ -134,7 +135,7 @@ void Solids::Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cl
     if (!touches) continue;
     double margin = radius + kSolidMargin;
     const double* centre = d->geom_xpos + 3 * g;
-    // Bodies are looked at only if their geoms may be near.
+    // Bodies are checked only if their geoms may be near.
     const auto away = [&](double most) {
       for (int k = 0; k < 3; ++k) {
         if (centre[k] + most < low[k] || centre[k] - most > high[k]) return true;
@@ -179,14 +180,14 @@ void Solids::Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cl
   actives_.resize(used);
 }
 
-// Whether there is no room for more.
+// Whether there is no room for more rows.
 bool Solids::IsFull(const Active& active) {
   const bool full = num_rows_ + active.points.size() + active.triangles.size() >= kMostRows;
   complete_ &= !full;
   return full;
 }
 
-// Rows for all that may come nearer than `margin`.
+// Adds rows for all features that may come nearer than `margin`.
 void Solids::AddRows(const Mesh& mesh, Active* active, double margin) {
   active->points.clear();
   active->triangles.clear();
@@ -195,7 +196,7 @@ void Solids::AddRows(const Mesh& mesh, Active* active, double margin) {
   const float bound = static_cast<float>(m_->geom_rbound[active->geom]);
   const int own = m_->geom_bodyid[active->geom];
   const auto near = [&](const int* vertex, int corners) {
-    // What is tied to a body does not touch it.
+    // Vertices tied to a body do not touch it.
     for (int k = 0; own > 0 && k < corners; ++k) {
       if (body_of_[vertex[k]] == own) return false;
     }
@@ -255,7 +256,7 @@ void Solids::MakeBlocks(const Mesh& mesh, const std::vector<Row>& rows, Active* 
     block.side[lane] = -2;
     block.rope[lane] = row >= 0 && rows[row].vertex[2] == dummy;
     block.friction[lane] = block.impulse[lane] = block.pressed[lane] = 0;
-    block.radius[lane] = row < 0 ? -1e3f : 0;  // Empty lanes touch nothing.
+    block.radius[lane] = row < 0 ? -1e3f : 0;  // Unused lanes touch nothing.
     for (int k = 0; k < 3; ++k) {
       block.vertex[k][lane] = row < 0 ? dummy : rows[row].vertex[k];
       block.weight[k][lane] = row < 0 ? 0 : rows[row].weight[k];

@@ -10,12 +10,12 @@
 namespace softgym_mj::cloth {
 namespace {
 
-constexpr double kRecovery = 1;  // [m/s] At which overlaps are left at most.
-constexpr int kLifts = 3;        // Times that solids are looked for on the way that impact zones have changed.
-// Planes are so much stiffer than other contacts: they come last, so that nothing undoes what they do.
+constexpr double kRecovery = 1;  // [m/s] Largest speed of recovery from overlaps.
+constexpr int kLifts = 3;        // Largest number of searches for solids along motion changed by impact zones.
+// Stiffness of planes relative to other contacts; they are solved last, so that no other row undoes them.
 constexpr float kFirm = 5;
-// Share of its impulses that a contact near a light body starts a substep with. Decisive: what is between them and the
-// floor has to learn of their weight.
+// Warm start: share of its last impulse with which a contact near a light body starts a substep. It transmits the
+// body's weight through layers to the floor.
 constexpr float kWarm = 0.9f;
 
 }  // namespace
@@ -80,7 +80,7 @@ void Solver::FindLayers(const Mesh& mesh, const Start& start, const Solids& soli
       move_[4 * v + k] = stands ? 0 : static_cast<float>(timestep_ * start.velocity[3 * v + k]);
     }
   }
-  // A cloth that is carried as a whole closes nothing.
+  // Rigid motion of a whole cloth brings no layers together.
   for (int v = 0; moves && v < count; ++v) {
     for (int k = 0; k < 3; ++k) move_[4 * v + k] -= static_cast<float>(mean[k]);
   }
@@ -98,7 +98,7 @@ void Solver::Substep(int substep, Solids* solids, Tied* tied) {
   const bool repeats = Repeats(*solids);
   const bool warm = solids->TouchesLightBodies() && substep > 0;
   LayerBlock* layers = layers_.blocks.data();
-  // Vertices that are held give way to these, and those that are tied pass it on.
+  // Releases held vertices for a sweep, and transmits impulses on tied ones to their bodies.
   const auto two_way_pass = [&](const auto& sweep) {
     driven_.TwoWayPass(points_, sweep);
     tied->Pass(points_);
@@ -211,7 +211,7 @@ void Solver::Finish(const Mesh& mesh, const Start& start, Solids* solids, Motion
   }
   driven_.Finish(mesh, timestep_, motion);
   int changed = Prevent(motion);
-  // Pairs that were not of interest may be by now.
+  // Pairs beyond the search margin may be close by now.
   const float most = kSearchMargin * *std::min_element(mesh.thickness.begin(), mesh.thickness.end());
   for (int search = 0; search < kMaxSearches; ++search) {
     end_.assign(move_.size(), 0);
@@ -244,7 +244,7 @@ void Solver::Finish(const Mesh& mesh, const Start& start, Solids* solids, Motion
     solids->Find(*kernels_, points_, 1);
     solids->LiftOut(points_, motion);
   }
-  // What is squeezed against a plane has nowhere to go.
+  // Zones that are squeezed against a plane stop.
   if (planes_.LiftOut(start, motion)) impact_zones_.Prevent(*kernels_, layers_.all(), Zones::kStand, motion);
 }
 

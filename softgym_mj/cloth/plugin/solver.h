@@ -1,4 +1,4 @@
-// A step of all flexes: substeps of elasticity, contact and friction in one solve.
+// Step of all flexes: substeps of elasticity, contact and friction in one solver.
 
 #ifndef SOFTGYM_MJ_CLOTH_SOLVER_H_
 #define SOFTGYM_MJ_CLOTH_SOLVER_H_
@@ -23,18 +23,18 @@ namespace softgym_mj::cloth {
 
 struct Settings {
   int substeps = 25;
-  int sweeps = 15;                  // Over contacts near bodies that give way, in each substep.
-  double contact_stiffness = 2000;  // [N/m] Of a contact,
-  double contact_damping = 0.01;    // [s] and its dashpot as a multiple of it.
+  int sweeps = 15;                  // Sweeps over contacts near dynamic bodies per substep.
+  double contact_stiffness = 2000;  // [N/m] Contact stiffness.
+  double contact_damping = 0.01;    // [s] Contact damping as a multiple of the stiffness.
 };
 
 class Solver {
  public:
-  // To be called when the mesh, the settings or the time step [s] have changed.
+  // Rebuilds the solver after a change of the mesh, the settings or the time step [s].
   void Reset(const Mesh& mesh, const Settings& settings, double timestep);
 
-  // Moves the vertices by a step; `motion` holds their displacements and final velocities. False if too much is in one
-  // place, so that not all of it touched.
+  // Moves the vertices by a step; `motion` gets their displacements and final velocities. Returns false if contacts
+  // were left out because too many features are in one place.
   bool Step(const Mesh& mesh, const Start& start, const std::vector<PlaneContact>& planes, Solids* solids, Tied* tied,
             const Kept& kept, Motion* motion);
 
@@ -53,9 +53,10 @@ class Solver {
   bool Repeats(const Solids& solids) const { return solids.TouchesBodies() && settings_.sweeps > 1; }
   void Substep(int substep, Solids* solids, Tied* tied);
   void Finish(const Mesh& mesh, const Start& start, Solids* solids, Motion* motion);
-  // Nothing passes through anything, and ropes that this pulls at get as long again. How many vertices are changed.
+  // Prevents penetration by impact zones and restores the length of affected ropes. Returns the number of changed
+  // vertices.
   int Prevent(Motion* motion);
-  // Points go where a motion takes the vertices.
+  // Moves the points with a motion of the vertices.
   void Follow(const Motion& motion);
 
   const ClothKernels* kernels_ = nullptr;
@@ -73,7 +74,7 @@ class Solver {
   Layers layers_;
   Driven driven_;
   ImpactZones impact_zones_;
-  std::vector<double> acceleration_;  // With drag.
+  std::vector<double> acceleration_;  // Acceleration including drag.
   AlignedFloats position_, move_, end_;
   std::vector<bool> near_;
   bool moves_air_ = false;

@@ -10,14 +10,13 @@
 namespace softgym_mj::cloth {
 namespace {
 
-// Bending is solved every so many substeps, if its rows are then so much softer than their vertices are light that one
-// sweep solves them.
+// Substeps between solutions of bending, if its rows are soft enough that one sweep then solves them.
 constexpr int kBendInterval = 5;
 constexpr double kSoft = 5;
 
-// One sweep leaves edges of a surface longer, by what the turns of others move their ends by: as if a spring of
-// 1 / (kUndone w h^2) were in line with each, found for strips under load. What this takes is given back, as far as
-// that goes: stiffness * w h^2 above 0.6 cannot be had.
+// One sweep leaves edges of a surface too long, because later rows move their ends, as if a spring of
+// 1 / (kUndone w h^2) were in series with each (fitted to strips under load). The stiffness is corrected for this, up
+// to a limit: stiffness * w h^2 above 0.6 cannot be reached.
 constexpr double kUndone = 1.3, kMostGivenBack = 0.8;
 double SweptStiffness(double stiffness, double inverse_mass, double h) {
   return stiffness / (1 - std::min(kUndone * stiffness * inverse_mass * h * h, kMostGivenBack));

@@ -1,4 +1,4 @@
-// Springs of surfaces: rows of edges and of hinges, in blocks. And what edges of surfaces and of ropes have in common.
+// Springs of surfaces: rows of edges and hinges in blocks; and code shared by edges of surfaces and ropes.
 
 #ifndef SOFTGYM_MJ_CLOTH_SPRINGS_H_
 #define SOFTGYM_MJ_CLOTH_SPRINGS_H_
@@ -12,13 +12,13 @@
 
 namespace softgym_mj::cloth {
 
-// b and b / (k h^2) of a row, see kernels.h.
+// Constants b and b / (k h^2) of a row (kernels.h).
 struct Compliance {
   double b, gamma;
 };
 Compliance Comply(double stiffness, double damping, double h);
 
-// Adds a force [N] along `way` to those of a vertex (n, 3), if it is held.
+// Adds a force [N] along `way` to the force of a vertex (n, 3) if it is held.
 void AddForceIfHeld(const Points& points, int vertex, const float way[3], double force, std::vector<double>* forces);
 
 // Edges of surfaces, solved by one sweep.
@@ -26,10 +26,10 @@ class EdgeRows {
  public:
   // To be called when the mesh or the length of a substep [s] has changed.
   void Reset(const Mesh& mesh, double h);
-  // `after`: by how much each edge got longer after its last sweep [m].
+  // Starts a step. `after`: elongation of each edge after its last sweep [m].
   void Start(const cloth::Start& start, const double* after);
   void Sweep(const ClothKernels& kernels, const Points& points);
-  // Adds with which force edges pull held vertices (n, 3) [N]: `share` times their impulses in the last sweep.
+  // Adds the forces of edges on held vertices (n, 3) [N]: `share` times their impulses in the last sweep.
   void AddHoldingForces(const Points& points, double share, std::vector<double>* forces) const;
   // Writes `after` for the next step.
   void Keep(const Points& points, double* after) const;
@@ -50,13 +50,13 @@ class HingeRows {
   // To be called when the mesh or the length of a substep [s] has changed.
   void Reset(const Mesh& mesh, double h);
   void Start(const std::vector<double>& position);
-  // Bends if it is time to.
+  // Solves bending in every interval()-th substep.
   void Bend(const ClothKernels& kernels, const Points& points, int substep);
 
   const Aligned<HingeBlock>& blocks() const { return blocks_; }
   // The hinge of each lane, or -1.
   const std::vector<int>& order() const { return order_; }
-  // Substeps from one bending to the next.
+  // Substeps between solutions of bending.
   int interval() const { return interval_; }
 
  private:

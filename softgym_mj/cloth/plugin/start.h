@@ -1,4 +1,4 @@
-// What the vertices start a step with.
+// Initial state of the vertices in a step.
 
 #ifndef SOFTGYM_MJ_CLOTH_START_H_
 #define SOFTGYM_MJ_CLOTH_START_H_
@@ -7,22 +7,22 @@
 
 namespace softgym_mj::cloth {
 
-// A vertex that a body with joints carries, or that an equality ties to one.
+// Tie of a vertex to a body with joints that carries it or is constrained to it.
 struct Tie {
-  int vertex, body;  // Of the solver's mesh and of the model.
-  double point[3];   // Where the body holds it at the start of the step [m].
-  double mass;       // [kg] Of the vertex, if the body's inertia lacks it.
-  bool locked;       // Whether it keeps the body from turning, too.
+  int vertex, body;  // Vertex of the solver's mesh, body of the model.
+  double point[3];   // Point of the body at the start of the step [m].
+  double mass;       // [kg] Mass of the vertex if the body's inertia does not include it.
+  bool locked;       // Whether it also prevents rotation of the body.
 };
 
 struct Start {
   std::vector<double> position;      // (n, 3) [m]
   std::vector<double> velocity;      // (n, 3) [m/s]
   std::vector<double> acceleration;  // (n, 3) [m/s^2], mean of the step without flexes' forces.
-  std::vector<float> inverse_mass;   // [1/kg], 0 if something holds or carries a vertex.
-  std::vector<float> yielding;       // The same towards layers and planes: not 0 if it is held.
-  std::vector<Tie> ties;             // At most one of a vertex.
-  std::vector<bool> rides;           // Whether a vertex moves with a body that gives way: see tied.h.
+  std::vector<float> inverse_mass;   // [1/kg], 0 for held and carried vertices.
+  std::vector<float> yielding;       // [1/kg] For layers and planes: not 0 for held vertices.
+  std::vector<Tie> ties;             // At most one per vertex.
+  std::vector<bool> rides;           // Whether a vertex moves with a dynamic body (tied.h).
 
   bool IsFree(int v) const { return inverse_mass[v] > 0 && !rides[v]; }
 };

@@ -7,7 +7,7 @@
 
 namespace softgym_mj::cloth {
 
-// One number, three a vertex, one an edge, one a vertex, four a pair, and the sides.
+// One number, three per vertex, one per edge, one per vertex, four per pair, and the entry faces.
 int StateSize(const mjModel* m) {
   return 1 + (4 + 4 * Kept::kPairs) * static_cast<int>(m->nflexvert) + static_cast<int>(m->nflexedge) +
          Solids::kNumSides;

@@ -1,4 +1,4 @@
-// The layout of the state in mjData, by which a step depends on those before it.
+// Layout of the plugin state in mjData.
 
 #ifndef SOFTGYM_MJ_CLOTH_STATE_H_
 #define SOFTGYM_MJ_CLOTH_STATE_H_
@@ -10,24 +10,24 @@
 
 namespace softgym_mj::cloth {
 
-// What a step leaves for the next one, in the state. Rows begin where they have ended: else springs would let go at the
-// start of each step, and piles would creep.
+// State that a step passes to the next one. Rows start as they ended: otherwise springs would relax at the start of
+// each step, and piles would creep.
 struct Kept {
-  static constexpr int kPairs = 2;  // That are kept of a vertex, on average: a fold has one that pushes.
+  static constexpr int kPairs = 2;  // Stored pairs per vertex on average: a fold has one that pushes.
 
-  double* reference;      // (n, 3) Positions that pairs of layers are found for [m].
-  double* after_edge;     // (edges,) By how much edges got longer after their last sweep [m].
-  double* holding_force;  // (n,) With which its edges pulled a held vertex, mean of the step [N]; of others 0.
-  double* after_layers;   // (2 n, 4) Pairs of layers that push, see `Layers::Keep`.
+  double* reference;      // (n, 3) Reference positions for the search [m].
+  double* after_edge;     // (edges,) Elongation of edges after their last sweep [m].
+  double* holding_force;  // (n,) Mean force of the edges on a held vertex in the step [N]; 0 for others.
+  double* after_layers;   // (2 n, 4) Pushing pairs of layers (`Layers::Keep`).
 };
 
-// Numbers of the state: whether it is made, what `Kept` points to, and the sides of `Solids`.
+// Size of the state: whether it is initialized, the arrays of `Kept`, and the entry faces of `Solids`.
 int StateSize(const mjModel* m);
-// Whether the state is made, in which case there is something to read in it.
+// Whether the state is initialized.
 bool HasState(const mjModel* m, const mjData* d, int instance);
-// Whether positions, lengths and forces in it, if it is made, are finite and not huge; other numbers in it may be any.
+// Whether its positions, lengths and forces, if initialized, are finite and not huge; other numbers are arbitrary.
 bool IsSane(const mjModel* m, const mjData* d, int instance, const Mesh& mesh);
-// Makes the state for the first step.
+// Returns the state; initializes it in the first step.
 Kept StateOf(const mjModel* m, mjData* d, int instance, const Mesh& mesh, const Start& start);
 mjtNum* SidesOf(const mjModel* m, mjData* d, int instance);
 

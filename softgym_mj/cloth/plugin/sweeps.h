@@ -1,4 +1,4 @@
-// Sweeps over rows, eight at a time. See native/simd.h for what this must not use, kernels.h for the equation.
+// Sweeps over rows, eight at a time, under the restrictions of native/simd.h; kernels.h has the equation.
 
 #ifndef SOFTGYM_MJ_CLOTH_SWEEPS_H_
 #define SOFTGYM_MJ_CLOTH_SWEEPS_H_
@@ -11,7 +11,7 @@ namespace softgym_mj::cloth {
 namespace {
 
 constexpr float kTinyLength = 1e-9f;   // [m] Shorter edges have no direction.
-constexpr float kTinySquare = 1e-24f;  // [m^2] Slips below its root are none.
+constexpr float kTinySquare = 1e-24f;  // [m^2] Squared slips below this count as zero.
 
 using Lanes3 = Vec3<Lanes>;
 
@@ -36,7 +36,7 @@ inline Lanes3 Gather(const float* p, const int* index, Lanes* w) {
   Gather4(p, index, &out.x, &out.y, &out.z, w);
   return out;
 }
-// Vertices of inverse mass w. Those that nothing moves may be shared by rows: threads leave them alone.
+// Writes vertices of inverse mass w. Immovable vertices may be shared by rows and are not written.
 inline void Scatter(float* p, const int* index, const Lanes3& a, Lanes w) {
 #ifdef __CUDACC__
   if (w.v == 0) return;
@@ -44,7 +44,7 @@ inline void Scatter(float* p, const int* index, const Lanes3& a, Lanes w) {
   Scatter4(p, index, a.x, a.y, a.z, w);
 }
 
-// Of eight numbers of the points, from `i` on.
+// Moves eight numbers of the points, from `i` on, by a substep without forces.
 inline void Move(const Points& points, int i) {
   const Lanes now = Lanes::Load(points.now + i), moved = now - Lanes::Load(points.before + i);
   moved.Store(points.moved + i);
@@ -52,7 +52,7 @@ inline void Move(const Points& points, int i) {
   (now + (moved + Lanes::Load(points.bent_drift + i))).Store(points.now + i);
 }
 
-// Of eight vertices, from `first` on.
+// Applies added mass to eight vertices, from `first` on.
 inline void MoveAir(const Points& points, int first) {
   const int index[kBlock] = {first, first + 1, first + 2, first + 3, first + 4, first + 5, first + 6, first + 7};
   Lanes w, unused;
@@ -62,7 +62,7 @@ inline void MoveAir(const Points& points, int first) {
   Scatter(points.now, index, AddScaled(now, -gained, air), w);
 }
 
-// One row of an edge. `d`: from the second to the first vertex. Returns the impulse and sets its direction and the
+// Solves one edge row. `d`: vector from the second to the first vertex. Returns the impulse; sets its direction and the
 // length after it.
 template <class T>
 inline T EdgeImpulse(const Vec3<T>& d, T length, T gamma, T keep, T mass, T* before, Vec3<T>* normal) {
@@ -87,13 +87,13 @@ inline void SweepEdges(const Points& points, EdgeBlock* block) {
   Scatter(points.now, block->vertex[1], AddScaled(b, -(wb * impulse), normal), wb);
 }
 
-// Bending in one step as long as `substeps`: where points would be without it, from number `i` on,
+// Bending over several substeps, part 1: positions without bending, from number `i` on.
 inline Lanes Unbent(const Points& points, int i, float substeps) {
   const Lanes now = Lanes::Load(points.now + i), moved = now - Lanes::Load(points.before + i);
   return MultiplyAdd(Lanes(substeps * substeps), Lanes::Load(points.drift + i),
                      MultiplyAdd(Lanes(substeps), moved, now));
 }
-// its rows,
+// Part 2: sweep over the rows.
 inline void SweepHinges(const Points& points, HingeBlock* block) {
   Lanes w[4], masses[4], mass(0.0f);
   Lanes3 x[4], sum = Load3(block->start);
@@ -111,20 +111,20 @@ inline void SweepHinges(const Points& points, HingeBlock* block) {
     Scatter(points.predicted, block->vertex[k], AddScaled(x[k], w[k], impulse), masses[k]);
   }
 }
-// and its change of velocity, spread evenly over the substeps.
+// Part 3: distributes the change of velocity evenly over the substeps.
 inline void SpreadBend(const Points& points, int i, float substeps) {
   const Lanes bent = Lanes::Load(points.predicted + i) - Unbent(points, i, substeps);
   MultiplyAdd(Lanes(1.0f / (substeps * substeps)), bent, Lanes::Load(points.drift + i)).Store(points.bent_drift + i);
 }
 
-// What an impulse has to make up for along the normal: gaps may close; overlaps are springs with dashpots, but leave
-// at a limited speed. `gap` at the last sweep, `way` since then.
+// Violation along the normal: gaps may close; overlaps are damped springs with limited recovery speed. `gap`: at the
+// last sweep, `way`: displacement since then.
 template <class T>
 inline T ContactViolation(T gap, T way, T b, T recovery) {
   return way + Select(Less(gap, T(0.0f)), Max(b * gap, -recovery), gap);
 }
 
-// Coulomb's cone: the share of what friction would hold that it may.
+// Coulomb's cone: admissible share of the friction impulse.
 template <class T>
 inline T Grip(T square, T most) {
   return Min(T(1.0f), Max(most, T(0.0f)) / Sqrt(Max(square, T(kTinySquare))));
@@ -133,7 +133,7 @@ inline T Grip(T square, T most) {
 inline void SweepLayers(const Points& points, const ContactRow& row, LayerBlock* block, SweepPass pass) {
   const Lanes gamma(row.gamma), b(row.b), recovery(row.recovery), zero(0.0f);
   const Lanes old = pass.first ? zero : Lanes::Load(block->impulse);
-  // What does not push by now is met in the next substep.
+  // Rows without an impulse by now wait for the next substep.
   if (!pass.first && !Bits(Less(zero, old))) return;
   Lanes w[4], masses[4];
   Lanes3 x[4], sum = {zero, zero, zero};
@@ -154,7 +154,7 @@ inline void SweepLayers(const Points& points, const ContactRow& row, LayerBlock*
     Store3(sum, block->before);
     return;
   }
-  // Friction holds what slips, up to its share of the normal impulse.
+  // Friction opposes slip up to its share of the normal impulse.
   const Lanes3 slip = AddScaled(moved, -way, normal);
   const Lanes inverse = Lanes(1.0f) / Max(mass, Lanes(1e-12f));
   const Lanes3 old_held = pass.first ? Lanes3{zero, zero, zero} : Load3(block->held);
@@ -169,7 +169,7 @@ inline void SweepLayers(const Points& points, const ContactRow& row, LayerBlock*
   if (pass.last) Store3(AddScaled(sum, mass, change), block->before);
 }
 
-// Gives vertices a share of the impulses of the last substep.
+// Warm start: applies a share of the impulses of the last substep.
 inline void WarmLayers(const Points& points, LayerBlock* block, float share) {
   const Lanes impulse = Lanes(share) * Lanes::Load(block->impulse);
   const Lanes3 held = Lanes(share) * Load3(block->held);
@@ -184,7 +184,7 @@ inline void WarmLayers(const Points& points, LayerBlock* block, float share) {
   }
 }
 
-// Of the eight vertices from `first` on.
+// Sweeps the plane rows of eight vertices from `first` on.
 inline void SweepPlane(const Points& points, const ContactRow& row, const Plane& plane, int first, SweepPass pass) {
   const Lanes gamma(row.gamma), b(row.b), recovery(row.recovery), zero(0.0f);
   const Lanes3 normal = {Lanes(plane.normal[0]), Lanes(plane.normal[1]), Lanes(plane.normal[2])};

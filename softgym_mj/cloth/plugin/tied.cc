@@ -7,10 +7,10 @@
 namespace softgym_mj::cloth {
 namespace {
 
-// [kg] As which heavier ones count to rows: what these move them by must be large beside what a float can tell apart.
+// [kg] Largest mass of tied vertices in rows: their displacements must exceed the rounding of floats.
 constexpr double kHeaviest = 0.1;
 
-// What a body moves the point at `arm` by, of the twist `move`.
+// Displacement of the point at `arm` by a twist `move` of its body.
 void MovePoint(const double move[6], const double arm[3], double out[3]) {
   mju_cross(out, move + 3, arm);
   mju_addTo3(out, move);
@@ -33,7 +33,7 @@ void Tied::Start(Bodies* bodies, double timestep, double h, cloth::Start* start)
     double velocity[3];
     MovePoint(body->velocity, rider.arm, velocity);
     MovePoint(body->acceleration, rider.arm, rider.acceleration);
-    // And as it goes round.
+    // Centripetal part.
     mjtNum round[3], inwards[3];
     mju_cross(round, body->velocity + 3, rider.arm);
     mju_cross(inwards, body->velocity + 3, round);
@@ -42,7 +42,7 @@ void Tied::Start(Bodies* bodies, double timestep, double h, cloth::Start* start)
     start->rides[v] = true;
     for (int k = 0; k < 3; ++k) {
       const double end = velocity[k] + timestep * rider.acceleration[k];
-      // One with slides of its own MuJoCo leads back to the body.
+      // MuJoCo moves a vertex with its own slides back to the body.
       const double own = tie.mass > 0 ? start->velocity[3 * v + k] - end : 0;
       rider.own[k] = h * own;
       start->velocity[3 * v + k] = velocity[k] + own;
@@ -53,7 +53,7 @@ void Tied::Start(Bodies* bodies, double timestep, double h, cloth::Start* start)
   for (Rider& rider : riders_) {
     const std::vector<Body>& all = bodies->all();
     const Body& body = all[rider.body];
-    // All that ride on a tree may pull at once: each counts on its share of the mass only.
+    // All vertices tied to a tree may pull together: each gets a share of the mass.
     const auto shares = [&](const Rider& other) { return all[other.body].tree == body.tree; };
     const auto riders = std::count_if(riders_.begin(), riders_.end(), shares);
     const double compliance = riders * PointCompliance(body.rigid.compliance, rider.arm);
@@ -74,7 +74,7 @@ void Tied::Push(const Rider& rider, const double way[3]) {
   bodies_->Push(rider.arm, impulse, &bodies_->all()[rider.body]);
 }
 
-// Vertices go where their bodies are.
+// Moves vertices with their bodies.
 void Tied::Follow(const Points& points) {
   for (Rider& rider : riders_) {
     const float* before = points.before + 4 * rider.tie.vertex;
@@ -88,7 +88,7 @@ void Tied::Follow(const Points& points) {
 
 void Tied::Move(const Points& points) {
   if (riders_.empty()) return;
-  // What bending and the air do to it.
+  // Forces of bending and air.
   for (const Rider& rider : riders_) {
     double way[3];
     for (int k = 0; k < 3; ++k) way[k] = points.bent_drift[4 * rider.tie.vertex + k] - h_ * h_ * rider.acceleration[k];

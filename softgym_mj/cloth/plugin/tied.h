@@ -1,4 +1,4 @@
-// Vertices that ride on bodies which give way: what flexes and contacts do to them is done to the bodies.
+// Vertices tied to dynamic bodies: impulses of flexes and contacts on them act on the bodies.
 
 #ifndef SOFTGYM_MJ_CLOTH_TIED_H_
 #define SOFTGYM_MJ_CLOTH_TIED_H_
@@ -14,29 +14,29 @@ namespace softgym_mj::cloth {
 
 class Tied {
  public:
-  // To be called first in a step of `timestep` and substeps of h [s]. Those whose body gives way ride on it from here
-  // on; to the rows they are as heavy as their share of it.
+  // Starts a step of `timestep` with substeps of h [s]. Vertices tied to dynamic bodies follow them, and rows see them
+  // with their share of the body's mass.
   void Start(Bodies* bodies, double timestep, double h, cloth::Start* start);
   // Begins a substep.
   void Release(const Points& points) const;
-  // Once vertices and bodies have moved freely.
+  // Moves tied vertices after the free motion of vertices and bodies.
   void Move(const Points& points);
-  // Passes what a sweep did to the vertices on to the bodies.
+  // Transmits the impulses of a sweep on the vertices to the bodies.
   void Pass(const Points& points);
-  // Ends a substep, and the bodies have: rows take the vertices for held until the next one.
+  // Ends a substep after the bodies: the vertices count as held until the next one.
   void Hold(const Points& points);
-  // Ends a step: vertices with slides of their own are where the bodies are in mjData.
+  // Ends a step: moves vertices with their own slides to the bodies in mjData.
   void Finish(const mjModel* m, const mjData* d, Motion* motion) const;
 
  private:
   struct Rider {
     Tie tie;
-    int body;            // In the bodies.
+    int body;            // Index in the bodies.
     float inverse_mass;  // [1/kg]
     double acceleration[3];
-    double start[3], arm[3];  // From the body's centre, at the start of the step and now [m].
-    double own[3], gone[3];   // Way that MuJoCo moves it relative to the body, in a substep and so far [m].
-    float place[3];           // Where the body has it [m].
+    double start[3], arm[3];  // Vector from the body's center, at the start of the step and now [m].
+    double own[3], gone[3];   // MuJoCo's motion relative to the body, per substep and so far [m].
+    float place[3];           // Displacement with the body [m].
   };
 
   void Push(const Rider& rider, const double way[3]);

@@ -15,10 +15,10 @@
 namespace softgym_mj::cloth {
 namespace {
 
-constexpr size_t kMostFlexes = 4096;  // There is a table of their pairs.
+constexpr size_t kMostFlexes = 4096;  // Limit of the table of pairs of flexes.
 
-// The workspace of each mjData; null of a stranger. Not in plugin_data: what copies an mjData byte by byte, as pickles
-// do, would copy the pointer as well.
+// Workspace of each mjData. It is not in plugin_data because bytewise copies of an mjData, such as pickles, would copy
+// the pointer.
 class Workspaces {
  public:
   Workspace* Find(const mjData* d) {
@@ -41,7 +41,7 @@ class Workspaces {
 };
 
 Workspaces& All() {
-  static Workspaces* workspaces = new Workspaces;  // Never destroyed: mjData may outlive what is.
+  static Workspaces* workspaces = new Workspaces;  // Never destroyed, because mjData may outlive static objects.
   return *workspaces;
 }
 
@@ -50,7 +50,7 @@ std::string FlexName(const mjModel* m, int flex) {
   return "flex " + (name && *name ? "\"" + std::string(name) + "\"" : std::to_string(flex));
 }
 
-// The instance of this plugin that carries a flex, or -1.
+// Returns the instance of this plugin that carries a flex, or -1.
 int InstanceOf(const mjModel* m, int flex, int slot) {
   for (int v = m->flex_vertadr[flex]; v < m->flex_vertadr[flex] + m->flex_vertnum[flex]; ++v) {
     const int instance = m->body_plugin[m->flex_vertbodyid[v]];
@@ -59,7 +59,7 @@ int InstanceOf(const mjModel* m, int flex, int slot) {
   return -1;
 }
 
-// Whether a vertex has a body of its own that cannot go everywhere, as of a flexcomp with dof="2d" or "radial".
+// Whether a vertex has its own body with restricted motion, as in a flexcomp with dof="2d" or "radial".
 bool IsOnRails(const mjModel* m, int body) {
   const int joint = m->body_jntadr[body], count = m->body_jntnum[body];
   const auto slides = [](int type) { return type == mjJNT_SLIDE; };
@@ -177,7 +177,7 @@ std::string Open(const mjModel* m, int instance, Workspace* w) {
   w->scratch.append(reinterpret_cast<const char*>(&settings), sizeof(settings));
   w->scratch.append(reinterpret_cast<const char*>(&m->opt.timestep), sizeof(mjtNum));
   if (w->scratch == w->signature) return "";
-  w->signature.clear();  // Until all of it is there.
+  w->signature.clear();  // Invalid until the workspace is complete.
   for (int f : w->flexes) {
     const std::string rails = CheckVertices(m, f);
     if (!rails.empty()) return rails;

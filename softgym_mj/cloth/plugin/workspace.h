@@ -1,4 +1,4 @@
-// What the plugin has in memory for each mjData, and how it is fitted to the model.
+// Memory of the plugin for each mjData, and its setup for a model.
 
 #ifndef SOFTGYM_MJ_CLOTH_WORKSPACE_H_
 #define SOFTGYM_MJ_CLOTH_WORKSPACE_H_
@@ -21,24 +21,24 @@ namespace softgym_mj::cloth {
 
 constexpr char kPluginName[] = "softgym_mj.cloth";
 
-// Where a vertex is in the model.
+// Location of a vertex in the model.
 struct Vertex {
   int body;
-  int dof, qpos;  // Of its three slides; -1 if something else moves it.
-  bool carried;   // Whether these are in a body that joints move.
+  int dof, qpos;  // Addresses of its three slides; -1 if it has none.
+  bool carried;   // Whether the slides are in a body that joints move.
 };
 
-// What an mjData needs for its steps. Only memory, the mesh and what vertices start a step with outlive a call;
-// nothing that comes out depends on the steps before but by mjData.
+// Memory for the steps of an mjData. Only the mesh, the initial state of a step and scratch memory outlive a call;
+// results depend on earlier steps only through mjData.
 struct Workspace {
   std::string signature, scratch;
   std::vector<int> flexes;
   Mesh mesh;
   std::vector<Vertex> vertices;
   std::vector<mjtNum> axes;        // World directions of the slides of each vertex (n, 3, 3).
-  std::vector<mjtNum> local;       // Where each is in a parent that moves, at the start of the step (n, 3) [m].
-  std::vector<mjtNum> qpos, qvel;  // Of all that moves, at the start of the step.
-  bool advanced = true;            // Whether flexes are at its end.
+  std::vector<mjtNum> local;       // Position of each in its moving parent at the start of the step (n, 3) [m].
+  std::vector<mjtNum> qpos, qvel;  // MuJoCo's state at the start of the step.
+  bool advanced = true;            // Whether flexes have been advanced to the end of the step.
   Start start;
   std::vector<PlaneContact> planes;
   Motion motion;
@@ -47,26 +47,26 @@ struct Workspace {
   Tied tied;
   Solver solver;
 
-  // Takes over what a step that has begun needs.
+  // Copies the data of a step that has begun.
   void Keep(const Workspace& other) {
-    advanced = true;  // Until all of it is there.
+    advanced = true;  // Invalid until the copy is complete.
     qpos = other.qpos;
     qvel = other.qvel;
     advanced = other.advanced;
   }
 };
 
-// One instance solves for all: the first one. Each flex has one that says what it is made of.
+// Whether an instance is the leading one, the first, which solves for all. Each flex has one with its material.
 bool Leads(const mjModel* m, int instance);
 
-// The workspace of an mjData; null of a stranger.
+// Returns the workspace of an mjData; null if it has none.
 Workspace* FindWorkspace(const mjData* d);
-// That of the instance that solves for all, which is `found`; null if the model has none.
+// Returns the workspace of the leading instance `found`; null if the model has none.
 Workspace* FindWorkspace(const mjModel* m, const mjData* d, int* found);
-// Null to forget it.
+// Sets the workspace of an mjData; null removes it.
 void SetWorkspace(const mjData* d, std::unique_ptr<Workspace> workspace);
 
-// Fits the workspace to the model. "" or what is wrong.
+// Sets up the workspace for a model. Returns "" or an error.
 std::string Open(const mjModel* m, int instance, Workspace* w);
 
 }  // namespace softgym_mj::cloth
