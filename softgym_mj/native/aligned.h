@@ -1,4 +1,4 @@
-// Arrays on 32 bytes, as vectors of eight floats like it.
+// Arrays aligned to 32 bytes, for vectors of eight floats.
 
 #ifndef SOFTGYM_MJ_NATIVE_ALIGNED_H_
 #define SOFTGYM_MJ_NATIVE_ALIGNED_H_

@@ -11,7 +11,7 @@
 namespace softgym_mj {
 namespace {
 
-constexpr size_t kMostQuoted = 60;  // [bytes] Of a value that is not valid.
+constexpr size_t kMostQuoted = 60;  // [bytes] Longest quotation of an invalid value.
 
 }  // namespace
 
@@ -96,7 +96,7 @@ const char* AttributeReader::Text(const char* name) const {
 
 void AttributeReader::Fail(const char* name, const std::string& value, const std::string& valid) {
   if (!error_.empty()) return;
-  // What is valid has to fit into MuJoCo's message. Not cut in the middle of a character of UTF-8.
+  // The valid values must fit into MuJoCo's message. UTF-8 characters are not cut.
   size_t size = std::min(value.size(), kMostQuoted);
   while (size < value.size() && (value[size] & 0xc0) == 0x80) --size;
   const std::string quoted = value.substr(0, size) + (size < value.size() ? "..." : "");

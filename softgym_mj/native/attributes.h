@@ -10,21 +10,20 @@
 
 namespace softgym_mj {
 
-// Every method keeps the default if the attribute is absent or blank, and remembers the first thing
-// that is wrong.
+// Every method keeps the default if the attribute is absent or blank, and stores the first error.
 class AttributeReader {
  public:
   AttributeReader(const mjModel* m, int instance) : m_(m), instance_(instance) {}
 
-  // "" or a sentence.
+  // First error as a sentence, or "".
   const std::string& error() const { return error_; }
 
-  // Reads `n` numbers, 4 at most, each in [low, high]. True if they are given and good.
+  // Reads `n` <= 4 numbers in [low, high]. Returns true if they are present and valid.
   bool Numbers(const char* name, double* out, int n, double low, double high, bool whole = false);
   bool Numbers(const char* name, float* out, int n, double low, double high);
   bool Numbers(const char* name, int* out, int n, double low, double high);
   void Flag(const char* name, bool* out);
-  // The index of the value among `names`.
+  // Reads the index of the value in `names`.
   void Choice(const char* name, const std::vector<std::string>& names, int* out);
 
  private:
@@ -36,11 +35,11 @@ class AttributeReader {
   std::string error_;
 };
 
-// All attributes of an instance as MuJoCo stores them, to tell whether they have changed.
+// Returns all attributes of an instance as MuJoCo stores them, to detect changes.
 std::string RawAttributes(const mjModel* m, int instance);
 
-// Stops the compilation of a model with an error that names the plugin and the instance. Must be called
-// with no object that has a destructor alive: MuJoCo's compiler leaves by longjmp.
+// Stops the compilation of a model with an error that names the plugin and the instance. No object with a destructor
+// may be alive, because MuJoCo's compiler leaves by longjmp.
 void Fail(const mjModel* m, int instance, const char* reason);
 
 }  // namespace softgym_mj

@@ -1,4 +1,4 @@
-// Functions that Python finds in the library by their names.
+// Export macro of functions that Python calls by name.
 
 #ifndef SOFTGYM_MJ_NATIVE_EXPORT_H_
 #define SOFTGYM_MJ_NATIVE_EXPORT_H_

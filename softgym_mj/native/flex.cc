@@ -8,8 +8,8 @@
 namespace softgym_mj {
 namespace {
 
-// Pose of a body that three slides move, given that of its parent: what BodyPose finds, without going
-// up the tree for every vertex.
+// Pose of a body with three slides, given that of its parent: the result of BodyPose without traversing the tree for
+// every vertex.
 Pose SlidPose(const mjModel* m, const mjData* d, int body, const Pose& parent) {
   mjtNum slid[3] = {0, 0, 0}, local[3];
   for (int j = m->body_jntadr[body]; j < m->body_jntadr[body] + 3; ++j) {
@@ -25,7 +25,7 @@ Pose SlidPose(const mjModel* m, const mjData* d, int body, const Pose& parent) {
   return pose;
 }
 
-// Of axes that count as at right angles: their largest inner product.
+// Largest inner product of axes that count as orthogonal.
 constexpr mjtNum kSquare = 1e-6;
 
 }  // namespace

@@ -1,4 +1,4 @@
-// How a particle of water fills space, for its surface: an ellipsoid as its neighbors lie.
+// Anisotropic kernel of a particle for the water surface: an ellipsoid that follows the distribution of its neighbors.
 
 #ifndef SOFTGYM_MJ_NATIVE_KERNEL_SHAPE_H_
 #define SOFTGYM_MJ_NATIVE_KERNEL_SHAPE_H_
@@ -10,7 +10,7 @@
 
 namespace softgym_mj {
 
-// Weighs amplitude (1 - q)^3 where q = (x - centre) metric (x - centre) < 1, lengths in voxels.
+// Kernel amplitude (1 - q)^3 with q = (x - centre) metric (x - centre) < 1, lengths in voxels.
 struct KernelShape {
   double centre[3];
   double metric[6];  // xx, yy, zz, yz, xz, xy.
@@ -21,27 +21,27 @@ struct KernelShape {
 
 namespace {
 
-// Neighbors are up to here [spacings]; they weigh 1 - (r / kNear)^2.
+// [spacings] Largest distance of neighbors, whose weight is 1 - (r / kNear)^2.
 constexpr double kNear = 2.2;
-// Variance [spacings^2] of where they are, along any direction, if they are all around.
+// Variance [spacings^2] of their positions along any direction if they are isotropic.
 constexpr double kVariance = kNear * kNear / 7;
 // Reach [spacings] of a kernel that has neighbors all around, and of one that has none: the surface around a lone
 // drop then has 0.6 spacings, hence the volume of a particle, nearly.
 constexpr double kReach = 2.0;
 constexpr double kDropReach = 1.32;
-// The share of the way to the middle of its neighbors that the centre of a kernel is moved: flattens the surface, and
-// draws it in to where walls hold particles back.
+// Share of the way to the mean of its neighbors by which the center of a kernel is moved: it flattens the surface and
+// draws it in at walls.
 constexpr double kMoved = 0.5;
-constexpr double kLeastReach = 1.95;  // [voxels] The surface around a lone drop must have a point of the grid inside.
-constexpr int kMostInCell = 64;       // Of the particles in one place that count as neighbors; at rest there are 11.
-// Particles with fewer neighbors are drops. Where a surface takes too many triangles its voxels grow, and drops grow
-// with them: the number of triangles of each stays, so at every growth half of the drops that were left are left out.
-// Voxels grow by about the square root of two, so the drops together keep their area in a picture.
+constexpr double kLeastReach = 1.95;  // [voxels] The surface of a lone drop must contain a grid point.
+constexpr int kMostInCell = 64;       // Largest number of neighbors per cell; at rest there are 11.
+// Particles with fewer neighbors are drops. If a surface has too many triangles, voxels and drops grow. The number of
+// triangles of a drop is constant, so each growth leaves out half of the remaining drops. Voxels grow by about the
+// square root of two, which preserves the total area of drops in an image.
 constexpr int kLeastNeighbors = 4;
 constexpr int kMostHalvings = 24;
-constexpr float kLevel = 0.5f;  // Weight of the water at its surface: about one inside, none outside.
+constexpr float kLevel = 0.5f;  // Weight of the water at its surface: about one inside, zero outside.
 
-// The number of a cell, of those less than a million away from the origin.
+// Key of a cell less than a million cells away from the origin.
 inline unsigned long long CellKey(long long x, long long y, long long z) {
   constexpr unsigned long long kMask = (1u << 21) - 1;
   return (x & kMask) << 42 | (y & kMask) << 21 | (z & kMask);
@@ -49,13 +49,13 @@ inline unsigned long long CellKey(long long x, long long y, long long z) {
 
 inline double Square(double a) { return a * a; }
 
-// Whether a particle, by its number, is left out after voxels have grown so often.
+// Whether a particle is left out after a number of growths of the voxels.
 inline bool IsLeftOut(const KernelShape& kernel, int particle, int growths) {
   const int halvings = std::min(growths, kMostHalvings);
   return kernel.neighbors < kLeastNeighbors && particle % (1 << halvings) != 0;
 }
 
-// How far q is from p for a metric, squared.
+// Squared length of d in a metric.
 inline double Distance(const double metric[6], const Vector& d) {
   return metric[0] * d.x * d.x + metric[1] * d.y * d.y + metric[2] * d.z * d.z +
          2 * (metric[3] * d.y * d.z + metric[4] * d.x * d.z + metric[5] * d.x * d.y);
@@ -66,7 +66,7 @@ inline double Distance(const double metric[6], const Vector& d) {
 template <class Offsets>
 inline KernelShape FitKernel(const Vector& centre, double spacing, const Offsets& offsets) {
   const double scale = 1 / Square(kNear * spacing);
-  double sum = 1;  // Of the weights, with its own.
+  double sum = 1;  // Sum of the weights including its own.
   Vector mean = {0, 0, 0};
   int neighbors = 0;
   double square[6] = {0, 0, 0, 0, 0, 0};
@@ -93,7 +93,7 @@ inline KernelShape FitKernel(const Vector& centre, double spacing, const Offsets
   KernelShape shape = {{moved.x, moved.y, moved.z}, {}, {}, 1, neighbors};
   for (int k = 0; k < 6; ++k) shape.metric[k] = minors[k] / determinant;
   for (int k = 0; k < 3; ++k) shape.reach[k] = std::sqrt(extent[k]);
-  // So that the water weighs about one wherever particles are.
+  // Normalization, so that the weight inside water is about one.
   double weight = 1;
   offsets([&](const Vector& d) {
     const double s = std::max(0.0, 1 - Distance(shape.metric, d));

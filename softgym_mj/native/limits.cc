@@ -5,9 +5,9 @@
 namespace softgym_mj {
 namespace {
 
-// [s] Substeps of a thousandth square to what a float can hold; none of these is of any use.
+// [s] The square of a thousandth of these must be representable as a float; useful time steps are far within.
 constexpr double kShortestStep = 1e-6, kLongestStep = 10;
-// Each takes some hundred bytes, and MuJoCo a body for each vertex: some kilobytes.
+// Each part takes some hundred bytes, and MuJoCo's body of each vertex some kilobytes.
 constexpr mjtSize kMostFlexParts = 1 << 22;
 
 }  // namespace

@@ -1,5 +1,4 @@
-// What a model may ask of the plugins: a step that rounding leaves something of, and sizes whose products fit into an
-// int and into memory.
+// Limits of models: time steps that survive rounding, and sizes whose products fit into an int and into memory.
 
 #ifndef SOFTGYM_MJ_NATIVE_LIMITS_H_
 #define SOFTGYM_MJ_NATIVE_LIMITS_H_
@@ -10,8 +9,7 @@
 
 namespace softgym_mj {
 
-// "" or a sentence that names what is beyond a limit, its value and the limit. Programs may change the time step of a
-// model that is compiled.
+// Returns "" or an error with quantity, value and limit. Programs may change the time step of a compiled model.
 std::string CheckLimits(const mjModel* m);
 
 }  // namespace softgym_mj

@@ -32,7 +32,7 @@ bool AreSane(const mjtNum* numbers, int count) {
 void Restart(const mjModel* m, mjData* d) {
   if (m->opt.disableflags & mjDSBL_AUTORESET) return;
   std::vector<mjtNum> state(mj_stateSize(m, mjSTATE_INTEGRATION));
-  // MuJoCo ends the process where it has no memory for an mjData: fails here if that is to come.
+  // MuJoCo ends the process if it has no memory for an mjData, so this allocation fails first.
   ::operator delete(::operator new(d->nbuffer + d->narena));
   restarting = true;
   mjData* fresh = mj_makeData(m);
@@ -40,7 +40,7 @@ void Restart(const mjModel* m, mjData* d) {
   mj_getState(m, fresh, state.data(), mjSTATE_INTEGRATION);
   mj_deleteData(fresh);
   mj_setState(m, d, state.data(), mjSTATE_INTEGRATION);
-  mj_forward(m, d);  // Plugins that advance after this one find what belongs to the state.
+  mj_forward(m, d);  // Plugins that advance after this one need consistent data.
 }
 
 bool IsRestarting() { return restarting; }

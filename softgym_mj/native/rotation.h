@@ -41,7 +41,7 @@ inline void RotVecQuat(const double v[3], const double q[4], double out[3]) {
   }
 }
 
-// Row by row.
+// Converts a quaternion to a rotation matrix in row-major order.
 inline void Quat2Mat(const double q[4], double out[9]) {
   if (q[0] == 1 && q[1] == 0 && q[2] == 0 && q[3] == 0) {
     for (int k = 0; k < 9; ++k) out[k] = k % 4 == 0;

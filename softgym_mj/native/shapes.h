@@ -1,4 +1,4 @@
-// Poses and distances to shapes, for T = float or `Lanes`. See simd.h for what this must not use.
+// Poses and distances to shapes, for T = float or `Lanes`, under the restrictions of simd.h.
 
 #ifndef SOFTGYM_MJ_NATIVE_SHAPES_H_
 #define SOFTGYM_MJ_NATIVE_SHAPES_H_
@@ -29,7 +29,7 @@ inline T Square(T a) {
   return a * a;
 }
 
-// Into the frame of a pose (position, row-major rotation matrix).
+// Transforms to the frame of a pose (position, row-major rotation matrix).
 template <class T>
 inline Vec3<T> ToLocal(const float* pose, const Vec3<T>& point) {
   const float* r = pose + 3;

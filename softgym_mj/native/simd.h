@@ -1,11 +1,11 @@
-// `Lanes`: eight floats that are computed with at once, and `Mask`, eight truth values.
+// `Lanes`: SIMD vector of eight floats, and `Mask`, eight booleans.
 //
-// The width is the same on every processor, every operation is exact as IEEE 754 defines it, multiply-adds are fused
-// in all builds and sums have one order: so results have the same bits wherever they are computed. Approximate
-// instructions (rsqrtps, rcpps), which differ between makers of processors, have no place here.
+// The width is the same on every processor, every operation is correctly rounded (IEEE 754), multiply-adds are fused in
+// all builds and sums have a fixed order, so that results are bit-identical on all processors. Approximate instructions
+// (rsqrtps, rcpps) differ between vendors and are not used.
 //
-// Files that include this are compiled once per instruction set, so that the baseline build must not share code with
-// the others: they must not instantiate standard containers or algorithms.
+// Restriction: files that include this are compiled once per instruction set, and the linker must not share code
+// between these builds, so they must not instantiate standard containers or algorithms.
 
 #ifndef SOFTGYM_MJ_NATIVE_SIMD_H_
 #define SOFTGYM_MJ_NATIVE_SIMD_H_
@@ -25,7 +25,7 @@ namespace softgym_mj {
 
 constexpr int kLanes = 8;
 
-// In an unnamed namespace: each build has types, hence code, of its own.
+// Unnamed namespace: each build has its own types and code.
 namespace {
 
 #ifdef SGM_AVX2
@@ -49,10 +49,10 @@ inline Lanes operator-(Lanes a, Lanes b) { return _mm256_sub_ps(a.v, b.v); }
 inline Lanes operator*(Lanes a, Lanes b) { return _mm256_mul_ps(a.v, b.v); }
 inline Lanes operator/(Lanes a, Lanes b) { return _mm256_div_ps(a.v, b.v); }
 inline Lanes operator-(Lanes a) { return _mm256_xor_ps(a.v, _mm256_set1_ps(-0.0f)); }
-// a b + c, and c - a b.
+// Fused a b + c, and c - a b.
 inline Lanes MultiplyAdd(Lanes a, Lanes b, Lanes c) { return _mm256_fmadd_ps(a.v, b.v, c.v); }
 inline Lanes NegativeMultiplyAdd(Lanes a, Lanes b, Lanes c) { return _mm256_fnmadd_ps(a.v, b.v, c.v); }
-// The second one if they are equal or one is not a number.
+// Returns the second argument if both are equal or one is NaN.
 inline Lanes Min(Lanes a, Lanes b) { return _mm256_min_ps(a.v, b.v); }
 inline Lanes Max(Lanes a, Lanes b) { return _mm256_max_ps(a.v, b.v); }
 inline Lanes Sqrt(Lanes a) { return _mm256_sqrt_ps(a.v); }
@@ -68,14 +68,14 @@ inline Mask operator&(Mask a, Mask b) { return {_mm256_and_ps(a.v, b.v)}; }
 inline Mask operator|(Mask a, Mask b) { return {_mm256_or_ps(a.v, b.v)}; }
 inline Lanes Select(Mask mask, Lanes a, Lanes b) { return _mm256_blendv_ps(b.v, a.v, mask.v); }
 inline unsigned Bits(Mask mask) { return static_cast<unsigned>(_mm256_movemask_ps(mask.v)); }
-// ((0 + 4) + (2 + 6)) + ((1 + 5) + (3 + 7)).
+// Sum of lanes in the order ((0 + 4) + (2 + 6)) + ((1 + 5) + (3 + 7)).
 inline float Sum(Lanes a) {
   __m128 b = _mm_add_ps(_mm256_castps256_ps128(a.v), _mm256_extractf128_ps(a.v, 1));
   b = _mm_add_ps(b, _mm_movehl_ps(b, b));
   return _mm_cvtss_f32(_mm_add_ss(b, _mm_movehdup_ps(b)));
 }
 
-// The eight vectors of four floats at `index`, component by component. They lie on 16 bytes.
+// Loads eight vectors of four floats at `index`, component by component; they are aligned to 16 bytes.
 inline void Gather4(const float* p, const int* index, Lanes* x, Lanes* y, Lanes* z, Lanes* w) {
   const auto pair = [&](int low, int high) {
     return _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_load_ps(p + 4 * index[low])),
@@ -89,7 +89,7 @@ inline void Gather4(const float* p, const int* index, Lanes* x, Lanes* y, Lanes*
   *z = _mm256_shuffle_ps(ab2, cd2, 0x44);
   *w = _mm256_shuffle_ps(ab2, cd2, 0xee);
 }
-// The reverse; where indices are equal the last one stays.
+// Stores eight vectors; of equal indices the last one remains.
 inline void Scatter4(float* p, const int* index, Lanes x, Lanes y, Lanes z, Lanes w) {
   const __m256 xy = _mm256_unpacklo_ps(x.v, y.v), xy2 = _mm256_unpackhi_ps(x.v, y.v);
   const __m256 zw = _mm256_unpacklo_ps(z.v, w.v), zw2 = _mm256_unpackhi_ps(z.v, w.v);
@@ -104,14 +104,14 @@ inline void Scatter4(float* p, const int* index, Lanes x, Lanes y, Lanes z, Lane
   _mm_store_ps(p + 4 * index[6], _mm256_extractf128_ps(c, 1));
   _mm_store_ps(p + 4 * index[7], _mm256_extractf128_ps(d, 1));
 }
-// The floats at `index`. Eight loads: on the processors we measured vgatherdps takes three times as long.
+// Loads the floats at `index` by eight loads: vgatherdps took three times as long on the measured processors.
 inline Lanes Pick(const float* p, const int* index) {
   return _mm256_setr_ps(p[index[0]], p[index[1]], p[index[2]], p[index[3]], p[index[4]], p[index[5]], p[index[6]],
                         p[index[7]]);
 }
 
-// For each of the 256 sets of lanes, which lanes they are, in order. Made by the compiler: code for AVX2 must not run
-// when the library is loaded.
+// Lanes of each of the 256 sets of lanes, in order, computed at compile time because code for AVX2 must not run when
+// the library is loaded.
 struct CompressTable {
   alignas(32) int lanes[256][kLanes];
   constexpr CompressTable() : lanes() {
@@ -125,8 +125,8 @@ struct CompressTable {
 };
 constexpr CompressTable kCompress;
 
-// Writes first + lane for every set bit, in order, and returns their number. `out` has room for eight: the rest of them
-// may be overwritten. With a loop over the bits, which mispredicts its end, a step of water took twice as long.
+// Writes first + lane for every set bit, in order, and returns their number. `out` must have room for eight numbers. A
+// loop over the bits mispredicts its end, and a step of water took twice as long.
 inline int Compress(int first, unsigned bits, int* out) {
   const __m256i lanes = _mm256_load_si256(reinterpret_cast<const __m256i*>(kCompress.lanes[bits]));
   _mm256_storeu_si256(reinterpret_cast<__m256i*>(out), _mm256_add_epi32(lanes, _mm256_set1_epi32(first)));
@@ -135,7 +135,7 @@ inline int Compress(int first, unsigned bits, int* out) {
 
 #elif defined(__CUDACC__)
 
-// Eight threads in a row have a lane each; all of them are where one of them is.
+// Eight consecutive threads have a lane each and run in lockstep.
 inline int Lane() { return static_cast<int>(threadIdx.x) % kLanes; }
 
 struct Mask {
@@ -321,19 +321,19 @@ inline void OneLane(F f) {
   if (Lane() == 0) f();
 }
 #else
-// Calls f(lane) for all lanes, one after the other.
+// Calls f(lane) for all lanes in order.
 template <class F>
 inline void EachLane(F f) {
   for (int lane = 0; lane < kLanes; ++lane) f(lane);
 }
-// Calls f once: for what all lanes have in common.
+// Calls f once for all lanes.
 template <class F>
 inline void OneLane(F f) {
   f();
 }
 #endif
 
-// The same operations on one float, for formulas that are written once for both.
+// The same operations on one float, for code that is generic in T.
 inline float MultiplyAdd(float a, float b, float c) { return fmaf(a, b, c); }
 inline float NegativeMultiplyAdd(float a, float b, float c) { return fmaf(-a, b, c); }
 inline float Min(float a, float b) { return a < b ? a : b; }

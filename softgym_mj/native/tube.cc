@@ -1,4 +1,4 @@
-// The surface of a rope, for pictures: see tube.h. Here it may have strands.
+// Surface of a rope with strands for rendering (tube.h).
 
 #include "native/tube.h"
 
@@ -12,13 +12,13 @@ namespace softgym_mj {
 namespace {
 
 constexpr double kTau = 6.283185307179586;
-constexpr double kCrease = 0.15;  // How round the valley between strands is: 0 is a crease, large is a cosine.
+constexpr double kCrease = 0.15;  // Roundness of the valley between strands: 0 is a crease, large values a cosine.
 
 struct Strands {
   int lobes;
   double depth, twist;
 
-  // The share of the radius at an angle, `length` from the start.
+  // Relative radius at an angle, at `length` from the start.
   double Radius(double angle, double length) const {
     if (lobes == 0) return 1;
     const double c = std::cos(0.5 * lobes * (angle - twist * length));

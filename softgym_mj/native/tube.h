@@ -1,4 +1,4 @@
-// The surface of a rope, for pictures: a tube along a smooth curve, with rounded ends.
+// Surface of a rope for rendering: a tube along a smooth curve with rounded ends.
 
 #ifndef SOFTGYM_MJ_NATIVE_TUBE_H_
 #define SOFTGYM_MJ_NATIVE_TUBE_H_
@@ -13,13 +13,13 @@ namespace softgym_mj {
 struct Ring {
   Vector centre, tangent, normal;
   double length;  // From the start of the tube [m].
-  double scale;   // Of the radius.
+  double scale;   // Factor of the radius.
 };
 
 namespace {
 
-// From this direction frames are turned to the start of the tube, the shortest way: only where it starts the opposite
-// way do they jump. Ropes seldom do: most lie, and some hang.
+// Frames at the start of the tube are rotated from this direction along the shortest path; they jump only if the tube
+// starts in the opposite direction, which is rare because most ropes lie and some hang.
 constexpr Vector kReference = {1.0 / 3, 2.0 / 3, 2.0 / 3};
 
 inline Vector Unit(const Vector& a, const Vector& otherwise) {
@@ -27,7 +27,7 @@ inline Vector Unit(const Vector& a, const Vector& otherwise) {
   return length > 1e-12 ? 1 / length * a : otherwise;
 }
 
-// Turns a vector orthogonal to unit vector `from` as `from` turns to `to`, the shortest way.
+// Parallel transport: rotates a vector orthogonal to unit vector `from` by the shortest rotation from `from` to `to`.
 inline Vector Transport(const Vector& v, const Vector& from, const Vector& to) {
   const double cosine = Dot(from, to);
   if (cosine < -1 + 1e-9) return v;
@@ -39,7 +39,7 @@ inline Vector Transport(const Vector& v, const Vector& from, const Vector& to) {
 inline Vector Cubic(const Vector p[4], double t, Vector* derivative) {
   double h[3];
   for (int k = 0; k < 3; ++k) h[k] = std::max(std::sqrt(Norm(p[k + 1] - p[k])), 1e-9);
-  const auto slope = [&](int k) {  // At p[k], for t.
+  const auto slope = [&](int k) {  // Derivative at p[k] with respect to t.
     return h[1] * (1 / h[k - 1] * (p[k] - p[k - 1]) - 1 / (h[k - 1] + h[k]) * (p[k + 1] - p[k - 1]) +
                    1 / h[k] * (p[k + 1] - p[k]));
   };
@@ -51,7 +51,7 @@ inline Vector Cubic(const Vector p[4], double t, Vector* derivative) {
 
 // Writes the rings between the caps, (n - 1) rings_per_edge + 1, along n points.
 inline void FollowCurve(const double* points, int n, int rings_per_edge, Ring* rings) {
-  // Beyond the ends the curve goes on as it bends there.
+  // Beyond the ends the curve is extrapolated with its curvature.
   const auto point = [&](int i) {
     if (i < 0) return 2.0 * FromArray(points) - FromArray(points + 3);
     if (i >= n) return 2.0 * FromArray(points + 3 * (n - 1)) - FromArray(points + 3 * (n - 2));
@@ -66,11 +66,11 @@ inline void FollowCurve(const double* points, int n, int rings_per_edge, Ring* r
       ring.scale = 1;
     }
   }
-  // Where points coincide there is no tangent: the last one goes on, or the first one to come.
+  // Coincident points have no tangent and use the previous one, or else the next one.
   Vector last = {1, 0, 0};
   for (int i = count; i-- > 0;) last = Unit(rings[i].tangent, last);
   for (int i = 0; i < count; ++i) last = rings[i].tangent = Unit(rings[i].tangent, last);
-  // Frames do not turn about the curve.
+  // Frames do not rotate about the curve.
   const Vector side = {2.0 / 3, 1.0 / 3, -2.0 / 3};  // Orthogonal to it.
   Vector tangent = rings[0].tangent, normal = Transport(side, kReference, tangent);
   double length = 0;
@@ -92,7 +92,7 @@ inline Ring CapRing(Ring end, double direction, double radius, int k, int count,
   return end;
 }
 
-// From the middle of a ring outwards.
+// Direction from the center of a ring outwards.
 inline Vector Outwards(const Ring& ring, double cosine, double sine) {
   return cosine * ring.normal + sine * Cross(ring.tangent, ring.normal);
 }

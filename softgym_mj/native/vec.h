@@ -1,4 +1,4 @@
-// `Vec3`: three numbers, of doubles, floats or lanes.
+// `Vec3`: vector of three doubles, floats or lanes.
 
 #ifndef SOFTGYM_MJ_NATIVE_VEC_H_
 #define SOFTGYM_MJ_NATIVE_VEC_H_
@@ -14,7 +14,7 @@ struct Vec3 {
 
 using Vector = Vec3<double>;
 
-// Unnamed, as in simd.h: files compiled for several instruction sets share none of this code.
+// Unnamed namespace, as in simd.h: files compiled for several instruction sets share none of this code.
 namespace {
 
 template <class T>
@@ -34,7 +34,7 @@ inline Vec3<T> Cross(const Vec3<T>& a, const Vec3<T>& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
-// Of an array x y z.
+// Converts an array x y z.
 inline Vector FromArray(const double* a) { return {a[0], a[1], a[2]}; }
 inline double Dot(const Vector& a, const Vector& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 inline double Norm(const Vector& a) { return std::sqrt(Dot(a, a)); }

@@ -1,4 +1,4 @@
-// Water of one environment of a batch: its state, what it is told in a step, and the memory that a step needs.
+// Water of one environment of a batch: its state, the inputs of a step, and the memory of a step.
 
 #ifndef SOFTGYM_MJ_FLUID_BATCH_ENVIRONMENT_H_
 #define SOFTGYM_MJ_FLUID_BATCH_ENVIRONMENT_H_
@@ -10,14 +10,14 @@
 
 namespace softgym_mj::fluid {
 
-// Neighbours of a particle that are listed at most; in water at rest there are 28 to 39.
+// Largest number of listed neighbors of a particle; in water at rest there are 28 to 39.
 constexpr int kMostNeighbors = 88;
-constexpr int kListStride = kMostNeighbors + kLanes;  // One more is written for a moment.
+constexpr int kListStride = kMostNeighbors + kLanes;  // Writes may exceed the list by one vector.
 
-// What went wrong in a step, as bits.
+// Failures of a step as bits.
 enum Flag { kNotFinite = 1, kTooManyNeighbors = 2, kTooManyCells = 4, kScattered = 8 };
 
-// Few numbers of a step.
+// Scalars of a step.
 struct Step {
   int flags, lists_valid, expired, repeated, nx, ny, nz;
   bool too_many, crowded;
@@ -30,15 +30,16 @@ struct Step {
 
 struct Environment {
   const Model* model;
-  const double* poses;  // (bodies, 7) Where bodies are at the end of the step [m], quaternions.
-  // Its state: whether `walls` (walls, 7), poses at the end of the last step, are known; (count, 3) [m], [m/s].
+  const double* poses;  // (bodies, 7) Positions [m] and quaternions of bodies at the end of the step.
+  // State: whether `walls` (walls, 7), the poses at the end of the last step, are known; particles (count, 3) [m],
+  // [m/s].
   double *known, *positions, *velocities, *walls;
 
-  // What follows is only memory.
+  // Scratch memory.
   Step* step;
   Particles particles;
   float *spare, *built, *wall_numbers;
-  double* sums;  // Of shares, see SumAll.
+  double* sums;  // Partial sums (SumAll).
   int *cell, *start, *order, *spare_order, *pair_particle, *fill, *partial;
   Neighbors neighbors;
   int *begin, *end;
@@ -69,7 +70,7 @@ inline void TakeMemory(const Model& model, Memory* memory, Environment* w) {
   w->neighbors.begin = w->begin;
   w->neighbors.end = w->end;
   w->neighbors.most = kMostNeighbors;
-  w->neighbors.e = nullptr, w->neighbors.stride = 0;  // Found again where it is needed.
+  w->neighbors.e = nullptr, w->neighbors.stride = 0;  // Recomputed where needed.
   w->neighbors.too_many = w->step ? &w->step->too_many : nullptr;
 }
 

@@ -1,25 +1,25 @@
-// Water of the environments of a batch, and steps of it on a processor.
+// Batch of environments with water and its steps on a CPU.
 
 #ifndef SOFTGYM_MJ_FLUID_BATCH_HOST_H_
 #define SOFTGYM_MJ_FLUID_BATCH_HOST_H_
 
 namespace softgym_mj::fluid {
 
-// Arrays of all environments, with room in each row for the largest model. See Environment.
+// Arrays of all environments; each row has room for the largest model.
 struct Batch {
   long long num_envs, most_particles, most_walls, most_bodies, kept_size, num_slots, memory_size;
-  const char* const* models;  // (num_envs,) a Model each, or null: of an environment that stands still.
-  char* kept;                 // (num_envs, kept_size) nothing.
-  char* memory;               // (num_slots, memory_size) of whoever makes a step.
+  const char* const* models;  // (num_envs,) Models; environments with null are not stepped.
+  char* kept;                 // (num_envs, kept_size) Unused.
+  char* memory;               // (num_slots, memory_size) Scratch memory.
   double *known, *positions, *velocities, *walls;
   const double* poses;
-  int* begun;        // How many have been begun on a GPU,
-  const int* order;  // (num_envs,) in which order,
-  long long* cost;   // and what each took there, in cycles.
-  int* flags;        // (num_envs,) what went wrong: bits of `Flag`, added to what is there.
+  int* begun;        // Number of environments begun on a GPU.
+  const int* order;  // (num_envs,) Their order.
+  long long* cost;   // (num_envs,) GPU cycles of the last step.
+  int* flags;        // (num_envs,) Bits of `Flag`, which accumulate.
 };
 
-// A step of environment `i` in a slot; `turns`: see group.h.
+// Steps environment `i` in a slot; `turns`: order of iterations (group.h).
 void StepOnePortable(const Batch& batch, int i, int slot, int turns);
 #ifdef SOFTGYM_MJ_X86
 void StepOneAvx2(const Batch& batch, int i, int slot, int turns);

@@ -1,4 +1,4 @@
-// The lists of particles near each other and near walls: the same as a `Solver` makes.
+// Lists of particles near each other and near walls, identical to those of `Solver`.
 
 #ifndef SOFTGYM_MJ_FLUID_BATCH_LISTS_H_
 #define SOFTGYM_MJ_FLUID_BATCH_LISTS_H_
@@ -31,7 +31,7 @@ inline WallPairs PairsOf(const Environment& w, int wall) {
           static_cast<long>(n)};
 }
 
-// Fills `sum` with those of number(i, k) of all particles i, for 0 <= k < 3, as `SumInShares` adds them up.
+// Fills `sum` with the sums of number(i, k) over all particles i, for 0 <= k < 3, in the order of `SumInShares`.
 template <class T, class F>
 inline void SumAll(const Environment& w, F number) {
   const int count = w.model->count, shares = (count + kShare - 1) / kShare;
@@ -48,7 +48,7 @@ inline void SumAll(const Environment& w, F number) {
   });
 }
 
-// See `Solver::ShapeGrid`.
+// Sets the size of the grid, as `Solver::ShapeGrid`.
 inline void ShapeGrid(const Environment& w) {
   const Model& m = *w.model;
   const float cell = ListDistance(m);
@@ -74,7 +74,7 @@ inline void ShapeGrid(const Environment& w) {
   });
 }
 
-// Brings the particles into the order of their cells.
+// Sorts the particles by cell.
 inline void Sort(Environment* w) {
   const Model& m = *w->model;
   const Step& step = *w->step;
@@ -88,7 +88,7 @@ inline void Sort(Environment* w) {
     Add(&w->start[w->cell[i] + 1], 1);
   });
   SumUp(w->start, cells + 2, w->partial);
-  // Those of a cell keep the order that they had: `spare_order` has who comes to each place.
+  // The sort is stable: `spare_order` holds the particle of each place.
   Each(count, [&](int i) { w->spare_order[w->start[w->cell[i]] + Add(&w->fill[w->cell[i]], 1)] = i; });
   Each(cells, [&](int c) {
     for (int k = w->start[c] + 1; k < w->start[c + 1]; ++k) {
@@ -123,8 +123,8 @@ inline void Sort(Environment* w) {
   });
 }
 
-// Lists the neighbours of particle i: see `FindNeighbors` of the kernels. By one thread: those of its neighbours read
-// the same.
+// Lists the neighbors of particle i, as `FindNeighbors` of the kernels. One thread lists all of them because the
+// threads of its neighbors read the same particles.
 inline void ListNeighbors(const Environment& w, int i) {
   const Particles& p = w.particles;
   const Step& step = *w.step;
@@ -189,7 +189,7 @@ inline void BuildLists(Environment* w) {
   Once([&] { w->step->lists_valid = 1; });
 }
 
-// See `Solver::ListsExpired`.
+// Whether the lists must be rebuilt, as `Solver::ListsExpired`.
 inline bool ListsExpired(const Environment& w) {
   const Model& m = *w.model;
   Step* step = w.step;
@@ -202,7 +202,7 @@ inline bool ListsExpired(const Environment& w) {
     step->first = step->second = 0;
     step->expired = step->repeated = 0;
   });
-  // The two largest, squared.
+  // The two largest squared deviations.
   Each(m.count, [&](int i) { TakeLargest(&step->first, SquaredDeviation(now + 4 * i, built + 4 * i, step->mean)); });
   Each(m.count, [&](int i) {
     const float squared = SquaredDeviation(now + 4 * i, built + 4 * i, step->mean);
@@ -225,7 +225,7 @@ inline bool ListsExpired(const Environment& w) {
   return step->expired;
 }
 
-// See `Solver::Separate`.
+// Separates coincident particles, as `Solver::Separate`.
 inline void Separate(const Environment& w) {
   const Particles& p = w.particles;
   const Step& step = *w.step;

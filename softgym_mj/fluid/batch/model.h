@@ -1,4 +1,4 @@
-// What a batch has to know of water and its walls: all that does not change in an episode, as bytes without pointers.
+// Model of a batch: the constants of water and its walls, as bytes without pointers.
 
 #ifndef SOFTGYM_MJ_FLUID_BATCH_MODEL_H_
 #define SOFTGYM_MJ_FLUID_BATCH_MODEL_H_
@@ -9,22 +9,22 @@ namespace softgym_mj::fluid {
 
 constexpr int kMostWalls = 32;
 
-// A geom that holds particles back.
+// A geom that is a wall.
 struct BatchWall {
   Shape shape;
-  int body;                           // Of those that are told where to go, or -1: the world.
+  int body;                           // Index among bodies with prescribed motion, or -1 for the world.
   float size[3];                      // As in mjModel.geom_size.
-  double position[3], quaternion[4];  // In the body.
+  double position[3], quaternion[4];  // Pose in the body's frame.
 };
 
 struct Model {
-  int size;  // Bytes in all.
+  int size;  // Total size [bytes].
   int count, num_walls, num_bodies;
-  int substeps, passes;  // Of a step, and of viscosity at its end.
-  int most_cells;        // Of the grid.
-  float viscosity;       // Of a pass.
+  int substeps, passes;  // Substeps of a step, and passes of viscosity at its end.
+  int most_cells;        // Largest number of cells of the grid.
+  float viscosity;       // Viscosity of a pass.
   float h, max_speed;    // Substep [s], [m/s].
-  double reach;          // [m] By which walls may move in a step; those that do further are put there.
+  double reach;          // [m] Largest motion of a wall in a step; beyond it, a wall is teleported.
   double gravity[3];     // [m/s^2]
   FluidConstants fluid;
   BatchWall walls[kMostWalls];

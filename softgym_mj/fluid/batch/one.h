@@ -1,4 +1,4 @@
-// A step of one environment of a `Batch`, for whoever has the memory at hand: a processor or a block of a GPU.
+// Step of one environment of a `Batch`, by a CPU thread or a block of a GPU.
 
 #ifndef SOFTGYM_MJ_FLUID_BATCH_ONE_H_
 #define SOFTGYM_MJ_FLUID_BATCH_ONE_H_

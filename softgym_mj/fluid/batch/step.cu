@@ -1,4 +1,4 @@
-// A step of all environments of a batch on a GPU: by a block of `SGM_THREADS` each.
+// Steps all environments of a batch on a GPU, by blocks of `SGM_THREADS`.
 
 #include "batch/queue.h"
 #include "fluid/batch/one.h"

@@ -1,4 +1,4 @@
-// A step of the water of one environment, as `Solver` makes it: the same bits.
+// Step of the water of one environment, bit-identical to that of `Solver`.
 
 #ifndef SOFTGYM_MJ_FLUID_BATCH_STEP_H_
 #define SOFTGYM_MJ_FLUID_BATCH_STEP_H_
@@ -11,9 +11,9 @@
 namespace softgym_mj::fluid {
 namespace {
 
-constexpr double kStray = 100;  // [m] As in solver.cc; here, what is further away is flagged.
+constexpr double kStray = 100;  // [m] As in solver.cc; particles further away are flagged.
 
-// Where walls are at the start and the end of the step.
+// Finds the poses of walls at the start and the end of the step.
 inline void FindPoses(const Environment& w) {
   const Model& m = *w.model;
   const bool known = *w.known != 0;
@@ -38,7 +38,7 @@ inline void FindPoses(const Environment& w) {
   Once([&] { *w.known = 1; });
 }
 
-// Poses of walls at a fraction of the way, relative to the origin.
+// Interpolates poses of walls at a fraction of the step, relative to the origin.
 inline void PlaceWalls(const Environment& w, double fraction) {
   Each(w.model->num_walls, [&](int i) {
     const double *a = w.step->from + 7 * i, *b = w.step->to + 7 * i;
@@ -138,7 +138,7 @@ inline void Substep(Environment* w) {
   Each(4, [&](int k) { p.correction[4 * m.count + k] = 0; });
 }
 
-// Viscosity, once a step.
+// Applies viscosity, once per step.
 inline void SmoothAll(const Environment& w) {
   const Model& m = *w.model;
   const Particles& p = w.particles;

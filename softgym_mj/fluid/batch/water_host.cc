@@ -20,7 +20,7 @@ namespace softgym_mj::fluid {
 namespace {
 
 constexpr char kPluginName[] = "softgym_mj.fluid";
-constexpr int kCellsOfParticle = 2;  // At most, as they are doubled until there are as many; and 64 at least.
+constexpr int kCellsOfParticle = 2;  // Largest number of cells per particle, at least 64 in total.
 
 auto ChooseStepOne() {
 #ifdef SOFTGYM_MJ_X86
@@ -30,7 +30,7 @@ auto ChooseStepOne() {
 #endif
 }
 
-// "" or what is wrong.
+// Writes the model; returns "" or an error.
 std::string Write(const mjModel* m, const mjData* d, const std::vector<int>& bodies, Model* model) {
   int instance = 0;
   for (; instance < m->nplugin; ++instance) {
@@ -43,7 +43,7 @@ std::string Write(const mjModel* m, const mjData* d, const std::vector<int>& bod
   std::string error = ParseConfig(m, instance, &config);
   if (error.empty()) error = CollectWalls(m, instance, config, &walls);
   if (!error.empty()) return error;
-  if (config.two_way || config.flexes) return "expected water that nothing feels, and no flexes in it.";
+  if (config.two_way || config.flexes) return "expected water without two_way and without flexes.";
   if (walls.size() > kMostWalls) return "expected at most " + std::to_string(kMostWalls) + " walls.";
   const double timestep = m->opt.timestep;
   *model = {};
@@ -69,7 +69,7 @@ std::string Write(const mjModel* m, const mjData* d, const std::vector<int>& bod
     const auto found = std::find(bodies.begin(), bodies.end(), wall.body);
     out->body = found == bodies.end() ? -1 : static_cast<int>(found - bodies.begin());
     if (out->body < 0) {
-      if (!IsFixed(m, wall.body)) return "expected walls that stand still or move as they are told to.";
+      if (!IsFixed(m, wall.body)) return "expected walls that are fixed or have prescribed motion.";
       const Pose pose = GeomPose(m, wall.geom, BodyPose(m, d, wall.body));
       mju_copy3(out->position, pose.position);
       mju_copy4(out->quaternion, pose.quaternion);
@@ -84,8 +84,8 @@ std::string Write(const mjModel* m, const mjData* d, const std::vector<int>& bod
 }  // namespace
 }  // namespace softgym_mj::fluid
 
-// Writes the Model of a compiled mjModel whose walls of these bodies are told where to go: as many bytes as `capacity`
-// says. Returns how many there are; what is wrong is written into `error` instead, and 0 returned.
+// Writes the Model of a compiled mjModel, up to `capacity` bytes; `bodies` have prescribed motion. Returns the size in
+// bytes, or 0 after writing a message to `error`.
 SGM_EXPORT int softgym_mj_fluid_batch_model(const mjModel* m, const mjData* d, const int* bodies, int num_bodies,
                                             char* out, int capacity, char* error, int error_size) {
   using namespace softgym_mj::fluid;
@@ -97,7 +97,7 @@ SGM_EXPORT int softgym_mj_fluid_batch_model(const mjModel* m, const mjData* d, c
   return sizeof(Model);
 }
 
-// Bytes that an environment of a model keeps, and those of the memory of a slot.
+// Returns bytes kept by an environment of a model, and bytes of scratch memory of a slot.
 SGM_EXPORT void softgym_mj_fluid_batch_memory(const char* model, long long* sizes) {
   using namespace softgym_mj::fluid;
   const auto& description = *reinterpret_cast<const Model*>(model);
@@ -107,13 +107,13 @@ SGM_EXPORT void softgym_mj_fluid_batch_memory(const char* model, long long* size
   sizes[0] = kept.size(), sizes[1] = memory.size();
 }
 
-// How many of these a model has: particles, walls, bodies.
+// Returns the numbers of particles, walls and bodies of a model.
 SGM_EXPORT void softgym_mj_fluid_batch_counts(const char* bytes, int* counts) {
   const auto& model = *reinterpret_cast<const softgym_mj::fluid::Model*>(bytes);
   counts[0] = model.count, counts[1] = model.num_walls, counts[2] = model.num_bodies;
 }
 
-// A step of all environments by some threads, no more than slots; `turns`: see group.h.
+// Steps all environments by at most as many threads as slots; `turns`: order of iterations (group.h).
 SGM_EXPORT void softgym_mj_fluid_batch_step(const softgym_mj::fluid::Batch* batch, int threads, int turns) {
   const auto step = softgym_mj::fluid::ChooseStepOne();
   softgym_mj::InThreads(batch->num_envs, threads, [&](int i, int slot) { step(*batch, i, slot, turns); });

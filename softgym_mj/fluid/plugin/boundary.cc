@@ -6,7 +6,8 @@ namespace softgym_mj {
 namespace {
 
 constexpr size_t kMostWalls = 4096;
-// Of a particle and a wall, each of which takes 24 bytes where all particles are near all walls, as they are to planes.
+// Largest number of pairs of a particle and a wall; each takes 24 bytes if all particles are near all walls, as with
+// planes.
 constexpr size_t kMostPairs = 1 << 26;
 
 }  // namespace

@@ -1,4 +1,4 @@
-// Which geoms are walls of the fluid.
+// Selection of geoms that are walls of the fluid.
 
 #ifndef SOFTGYM_MJ_FLUID_BOUNDARY_H_
 #define SOFTGYM_MJ_FLUID_BOUNDARY_H_
@@ -14,7 +14,7 @@
 
 namespace softgym_mj {
 
-// A geom that holds particles back.
+// A geom that is a wall.
 struct Wall {
   int geom;
   int body;
@@ -22,9 +22,9 @@ struct Wall {
   float size[3];  // As in mjModel.geom_size.
 };
 
-// The geoms of the bodies that carry `instance` and, if the `config` says `world`, of the world body and those fixed to
-// it where they can collide. Meshes, height fields and signed distance fields are not supported:
-// returns "" or a sentence that names the geom, or the number of walls if there are too many.
+// Collects the geoms of the bodies that carry `instance` and, with `config.world`, colliding geoms of the world body
+// and of bodies fixed to it. Meshes, height fields and signed distance fields are not supported: returns "" or a
+// sentence that names the geom, or the number of walls if there are too many.
 std::string CollectWalls(const mjModel* m, int instance, const FluidConfig& config, std::vector<Wall>* walls);
 
 }  // namespace softgym_mj

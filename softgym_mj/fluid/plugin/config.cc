@@ -15,12 +15,12 @@ const int kNumAttributes = sizeof(kAttributes) / sizeof(kAttributes[0]);
 
 namespace {
 
-constexpr int kMaxCount = 200000;  // A step of this many takes a tenth of a second.
+constexpr int kMaxCount = 200000;  // A step of this many particles takes 0.1 s.
 constexpr int kMaxSubsteps = 1000;
 
 // A column of L layers stays within a few per cent of its rest density when the substep is at most
 // kColumnSubstep / sqrt(L) seconds; no substep is longer than kMaxSubstep. Both hold for this spacing
-// and, like the times in which things fall, change with its square root.
+// and, like times of fall, scale with its square root.
 constexpr double kColumnSubstep = 1.0 / (60.0 * 2.8);
 constexpr double kMaxSubstep = 0.0025;
 constexpr double kMeasuredSpacing = 0.018;
@@ -38,8 +38,8 @@ int FluidConfig::Substeps(double timestep) const {
   return static_cast<int>(std::clamp(std::ceil(timestep / longest - 1e-9), 1.0, double{kMaxSubsteps}));
 }
 
-// A lattice of the rest spacing, filled from below. Up to a thousandth of the spacing is left to
-// chance, so that it does not stand in unstable balance.
+// A lattice of the rest spacing, filled from below, with random offsets of up to a thousandth of the spacing, which
+// prevent an unstable equilibrium.
 void FluidConfig::PlaceLattice(double* positions) const {
   const std::int64_t num_columns = Columns();
   unsigned random = 12345;

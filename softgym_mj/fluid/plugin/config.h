@@ -1,4 +1,4 @@
-// The attributes of the fluid plugin, parsed and checked.
+// Parsed and checked attributes of the fluid plugin.
 
 #ifndef SOFTGYM_MJ_FLUID_CONFIG_H_
 #define SOFTGYM_MJ_FLUID_CONFIG_H_
@@ -30,7 +30,7 @@ struct FluidConfig {
   Draw draw = Draw::kSurface;
   float rgba[4] = {0.16f, 0.5f, 0.78f, 1.0f};
 
-  std::int64_t Columns() const;  // Of the lattice.
+  std::int64_t Columns() const;  // Number of columns of the lattice.
   int Layers() const;
   // Substeps of a step of `timestep` seconds.
   int Substeps(double timestep) const;
@@ -42,7 +42,7 @@ struct FluidConfig {
 extern const char* const kAttributes[];
 extern const int kNumAttributes;
 
-// Parses the attributes of a plugin instance. Returns "" or what is wrong, as a sentence.
+// Parses the attributes of a plugin instance. Returns "" or an error.
 std::string ParseConfig(const mjModel* m, int instance, FluidConfig* config);
 
 }  // namespace softgym_mj

@@ -12,7 +12,7 @@ int Edge(int p, int q) {
   return 4 * axis + ((low >> (axis + 1) % 3) & 1) + 2 * ((low >> (axis + 2) % 3) & 1);
 }
 
-// The corners of a face, anticlockwise seen from outside.
+// Corners of a face, counterclockwise seen from outside.
 std::array<int, 4> Face(int face) {
   const int axis = face / 2, b = 1 << (axis + 1) % 3, c = 1 << (axis + 2) % 3, side = (face & 1) << axis;
   std::array<int, 4> corners = {side, side | b, side | b | c, side | c};
@@ -49,7 +49,7 @@ void AddFan(const std::vector<int>& loop, std::vector<int>* triangles) {
 }
 
 std::vector<int> Triangulate(int inside) {
-  // Across a face the surface goes from where corners inside begin to where they end.
+  // On a face the surface connects the ends of each run of inner corners.
   std::array<int, kEdges> next;
   next.fill(kNone);
   for (int face = 0; face < kFaces; ++face) {

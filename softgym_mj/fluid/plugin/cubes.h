@@ -12,13 +12,13 @@ namespace softgym_mj {
 // b and c are their coordinates along the next axes, cyclically.
 struct CubeEdge {
   int axis;
-  int corner;  // Where it begins.
+  int corner;  // First corner.
 };
 CubeEdge EdgeOfCube(int edge);
 
-// For each set of corners inside, as bits: triangles across edges, three each, anticlockwise seen from outside.
-// Where a face has two opposite corners inside, they are held apart, in both cubes that have it: so the whole is
-// closed, and each side of a triangle belongs to one other.
+// Returns triangles for each set of inner corners (bits), as three edges each, counterclockwise seen from outside. Two
+// opposite inner corners of a face are separated in both adjacent cubes, so that the surface is closed and each side
+// of a triangle is shared with exactly one other.
 const std::array<std::vector<int>, 256>& CubeTriangles();
 
 }  // namespace softgym_mj

@@ -1,4 +1,4 @@
-// Draws the particles so that they read as water.
+// Visualization of the particles as water.
 
 #ifndef SOFTGYM_MJ_FLUID_DRAW_H_
 #define SOFTGYM_MJ_FLUID_DRAW_H_
@@ -10,7 +10,7 @@
 
 namespace softgym_mj {
 
-// Adds geoms to a scene, leaving room for those of the model.
+// Adds geoms to a scene and leaves room for those of the model.
 void DrawFluid(const mjModel* m, const FluidConfig& config, int instance, const mjtNum* positions,
                SurfaceExtractor* extractor, mjvScene* scene);
 

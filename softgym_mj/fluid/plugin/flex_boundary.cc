@@ -6,16 +6,16 @@
 namespace softgym_mj {
 namespace {
 
-// An overlap that was there before the substep is undone by at most this share of the spacing.
+// Share of the spacing by which a substep recovers from an earlier overlap at most.
 constexpr double kDigOut = 0.1;
-// A particle may come near an element in a substep by all but this share of its distance.
+// Share of its distance to an element that a particle must keep in a substep.
 constexpr double kNearest = 0.1;
-constexpr int kMaxAdvances = 100;  // As good as touching after that.
-// The deepest overlap is undone first, until none is left, at most this often.
+constexpr int kMaxAdvances = 100;  // Iterations, after which the features count as touching.
+// Largest number of iterations that each undo the deepest overlap.
 constexpr int kMaxPushes = 6;
-// A particle that would pass a cloth is carried along with it, at these shares of its distance.
+// A particle that would pass through cloth moves along with it, at these shares of its distance.
 constexpr double kCarried[] = {1.0, 0.3, 0.1, 0.01};
-// Surfaces that differ less in distance, in spacings, are equally near.
+// [spacings] Distances that differ by less count as equal.
 constexpr double kTie = 1e-4;
 constexpr double kTouching = 1e-9;  // [m] Below, a distance has no direction.
 
@@ -29,7 +29,7 @@ void Store(Vector a, float* out, int i) {
   out[4 * i + 2] = static_cast<float>(a.z);
 }
 
-// The columns of a rotation that turns with a triangle; false if it has no area.
+// Computes the frame of a triangle (columns of a rotation); returns false if it has no area.
 bool Frame(Vector a, Vector b, Vector c, Vector out[3]) {
   const Vector normal = Cross(b - a, c - a);
   const double side = Norm(b - a), area = Norm(normal);
@@ -56,9 +56,9 @@ Vector FlexBoundary::At(const FlexElement& e, const std::vector<Vector>& x, cons
   return weight[0] * x[e.vertex[0]] + weight[1] * x[e.vertex[1]] + weight[2] * x[e.vertex[2]];
 }
 
-// What lies behind the tangent plane counts as filled with water, as FindWallShare in kernels_impl.h
-// has it; beyond the rim of a cloth less and less. Where the foot is on a side that two triangles share,
-// the one that faces the particle more counts.
+// The half space behind the tangent plane counts as filled with water, as in FindWallShare of kernels_impl.h, with a
+// smooth decrease beyond the rim of a cloth. If the closest point is on a shared side, the triangle that faces the
+// particle more counts.
 void FlexBoundary::FindShares(const Particles& p) {
   const double reach = Reach(), tie = kTie * fluid_.spacing;
   for (Near& near : near_) {
@@ -113,8 +113,8 @@ void FlexBoundary::AddGradient(const Particles& p) {
   }
 }
 
-// How far a particle that moves by `way` and a point of the element move relative to each other at
-// most. They move along straight lines, so it is one of the corners.
+// Largest relative displacement of a particle that moves by `way` and a point of the element. Points move along
+// straight lines, so the maximum is at a corner.
 double FlexBoundary::Approach(const FlexElement& e, Vector way) const {
   double most = 0;
   for (int v : e.vertex) {
@@ -124,7 +124,7 @@ double FlexBoundary::Approach(const FlexElement& e, Vector way) const {
   return std::sqrt(most);
 }
 
-// Whether a particle on a straight way comes nearer to an element than a share of its distance. Additive
+// Whether a particle on a straight path comes nearer to an element than a share of its distance. Additive
 // continuous collision detection (Li, Kaufman and Jiang, Codimensional Incremental Potential Contact,
 // 2021, section 5): steps that are never longer than the distance allows.
 bool FlexBoundary::Meets(const FlexElement& e, Vector from, Vector way, double distance, double hold) const {

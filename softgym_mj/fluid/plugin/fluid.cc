@@ -22,8 +22,8 @@
 namespace softgym_mj {
 namespace {
 
-// What a thread needs for a step. Only memory and the parsed attributes outlive a call; the latter
-// are parsed again when they differ, so nothing depends on which thread or mjData came before.
+// Memory of a thread for a step. Only scratch memory and parsed attributes outlive a call; the latter are parsed again
+// when they differ, so that results do not depend on earlier calls.
 struct Workspace {
   std::string attributes;
   FluidConfig config;
@@ -41,18 +41,18 @@ Workspace& ThreadWorkspace() {
   return workspace;
 }
 
-// Parses the attributes. "" or what is wrong.
+// Parses the attributes; returns "" or an error.
 std::string Configure(const mjModel* m, int instance, Workspace* w) {
   std::string error, attributes = RawAttributes(m, instance);
   if (attributes != w->attributes) {
-    w->attributes.clear();  // None are parsed until all are.
+    w->attributes.clear();  // Invalid until all attributes are parsed.
     error = ParseConfig(m, instance, &w->config);
     if (error.empty()) w->attributes = attributes;
   }
   return error;
 }
 
-// Parses the attributes and finds the walls and flexes. False, with the reason, if something is wrong.
+// Parses the attributes and finds walls and flexes; returns false and a reason if they are invalid.
 bool Bind(const mjModel* m, int instance, Workspace* w, char* reason) {
   std::snprintf(reason, kReasonSize, "%s", kNoMemory);
   const bool tried = WithinMemory([&] {
@@ -80,8 +80,8 @@ StateLayout Layout(const mjModel* m, const FluidConfig& config, size_t num_walls
   return layout;
 }
 
-// The workspace for an instance, and where its state is. Null, with the reason, if the model was changed
-// after it was compiled so that they do not fit.
+// Returns the workspace of an instance and the layout of its state; null and a reason if the model was changed after
+// compilation so that they do not fit.
 Workspace* Open(const mjModel* m, int instance, StateLayout* layout, char* reason) {
   Workspace& w = ThreadWorkspace();
   if (!Bind(m, instance, &w, reason)) return nullptr;
@@ -89,11 +89,11 @@ Workspace* Open(const mjModel* m, int instance, StateLayout* layout, char* reaso
   if (layout->size == m->plugin_statenum[instance]) return &w;
   std::snprintf(reason, kReasonSize,
                 "walls were added or removed, by contype, conaffinity or "
-                "geom_type, after the model was compiled: the fluid stands still.");
+                "geom_type, after the model was compiled: the fluid is not stepped.");
   return nullptr;
 }
 
-// Called by the compiler, before it knows the flexes.
+// Returns the size of the state. The compiler calls it before flexes exist.
 int NumState(const mjModel* m, int instance) {
   char reason[kReasonSize];
   Workspace& w = ThreadWorkspace();
@@ -114,7 +114,7 @@ int NumState(const mjModel* m, int instance) {
   return Layout(m, w.config, w.walls.size()).size;
 }
 
-// The compiler makes an mjData of every model, so what is wrong is found there at the latest.
+// The compiler creates an mjData for every model, so errors in the model are raised here at the latest.
 int Init(const mjModel* m, mjData* d, int instance) {
   char reason[kReasonSize];
   if (!Bind(m, instance, &ThreadWorkspace(), reason) && !IsRestarting()) Fail(m, instance, reason);
@@ -133,7 +133,7 @@ void Reset(const mjModel* m, mjtNum* state, void*, int instance) {
   });
 }
 
-// Where walls and vertices are now. False if a number is not finite, or huge.
+// Finds current poses of walls and vertices; returns false if a number is not finite or huge.
 bool FindPoses(const mjModel* m, const mjData* d, Workspace* w) {
   w->end.resize(w->walls.size());
   Pose body;
@@ -154,8 +154,8 @@ void StorePoses(const std::vector<Pose>& poses, mjtNum* stored) {
   }
 }
 
-// Vertices move from where they were at the end of the last step, which is stored, unless that is
-// unknown or further than `reach`. Stores where they are now.
+// Sets the motion of vertices from their stored positions at the end of the last step, unless these are unknown or
+// further away than `reach`, to the current ones, which it stores.
 void SweepVertices(bool known, double reach, mjtNum* stored, FlexMotion* flexes) {
   const int size = static_cast<int>(flexes->end.size());
   flexes->start = flexes->end;
@@ -167,9 +167,8 @@ void SweepVertices(bool known, double reach, mjtNum* stored, FlexMotion* flexes)
   mju_copy(stored, flexes->end.data(), size);
 }
 
-// Turns the impulses of this step into the forces of the next one. They follow the water with a lag
-// of one step; where the water outweighs the body that feedback would grow, so only a share of what
-// is pending is handed over in a step: stable, and no momentum is lost.
+// Converts the impulses of this step to forces of the next one. This lag of one step would be unstable if the water is
+// heavier than the body, so only a share of the pending impulse is applied per step; momentum is conserved.
 void HandOver(const mjModel* m, mjData* d, Workspace* w, mjtNum* forces, mjtNum* pending) {
   const double dt = m->opt.timestep;
   const size_t walls = w->walls.size();
@@ -193,7 +192,7 @@ void HandOver(const mjModel* m, mjData* d, Workspace* w, mjtNum* forces, mjtNum*
       const double a = mju_dot(w->jacobian.data() + k * nv, w->solution.data() + k * nv, nv);
       mobility[k / 3] = std::max(mobility[k / 3], a);
     }
-    double inertia[2] = {0, 0};  // Of the water near the body: mass and moment.
+    double inertia[2] = {0, 0};  // Mass and moment of inertia of the water near the body.
     w->solver.TouchingInertia(first, last, centre, inertia);
     const double share[2] = {1 / (1 + inertia[0] * mobility[0]), 1 / (1 + inertia[1] * mobility[1])};
     for (size_t i = first; i < last; ++i) {
@@ -263,7 +262,7 @@ void TryToAdvance(const mjModel* m, mjData* d, int instance) {
       w.solver.Step(w.config, m->opt.timestep, gravity, w.walls, w.start, w.end, w.flexes, state + layout.positions,
                     state + layout.velocities, w.config.two_way ? w.impulses.data() : nullptr);
   if (!counted) {
-    Warn(m, d, instance, "too many particles, or elements of flexes, are in one place: not all count.",
+    Warn(m, d, instance, "too many particles, or elements of flexes, are in one place: some are left out.",
          mjWARN_CONTACTFULL);
   }
   if (w.config.two_way) HandOver(m, d, &w, state + layout.forces, state + layout.pending);
@@ -273,13 +272,13 @@ void Advance(const mjModel* m, mjData* d, int instance) {
   Guard(m, d, instance, [&] { TryToAdvance(m, d, instance); });
 }
 
-// Adds the forces of the last step to the passive forces. Before the first step, notes where the walls
-// are, so that their first move is swept like any other.
+// Adds the forces of the last step to the passive forces. Before the first step it stores the poses of walls, so that
+// their first motion is swept like any other.
 void TryToCompute(const mjModel* m, mjData* d, int instance) {
   StateLayout layout;
   char reason[kReasonSize];
   Workspace* opened = Open(m, instance, &layout, reason);
-  if (!opened) return;  // The step will say why.
+  if (!opened) return;  // The step will report the reason.
   Workspace& w = *opened;
   mjtNum* state = d->plugin_state + m->plugin_stateadr[instance];
   if (!state[layout.known] && FindPoses(m, d, &w)) {

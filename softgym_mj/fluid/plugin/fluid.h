@@ -1,4 +1,4 @@
-// The engine plugin "softgym_mj.fluid": particles of water in the plugin state of mjData.
+// Engine plugin "softgym_mj.fluid": particles of water in the plugin state of mjData.
 
 #ifndef SOFTGYM_MJ_FLUID_FLUID_H_
 #define SOFTGYM_MJ_FLUID_FLUID_H_
@@ -7,8 +7,8 @@
 
 namespace softgym_mj {
 
-// Where the parts of an instance's state begin. All of it is in mjData.plugin_state, so whatever
-// copies or restores that restores the fluid; nothing is kept in plugin_data.
+// Offsets of an instance's state. All of it is in mjData.plugin_state, so that copying or restoring mjData restores the
+// fluid.
 struct StateLayout {
   int known;       // 1: the wall poses are those of the last step; 0: there was none.
   int positions;   // (count, 3) [m]

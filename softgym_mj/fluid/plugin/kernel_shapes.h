@@ -1,4 +1,4 @@
-// How each particle fills space.
+// Anisotropic kernels of particles.
 
 #ifndef SOFTGYM_MJ_FLUID_KERNEL_SHAPES_H_
 #define SOFTGYM_MJ_FLUID_KERNEL_SHAPES_H_
@@ -12,13 +12,13 @@ namespace softgym_mj {
 
 class KernelShapes {
  public:
-  // Of particles at `centres` (x y z each, finite, in voxels); `spacing` in voxels, too.
+  // Returns the kernels of particles at `centres` (x y z each, finite) [voxels]; `spacing` [voxels].
   const std::vector<KernelShape>& Find(const std::vector<double>& centres, double spacing);
 
  private:
   std::vector<std::pair<unsigned long long, int>> cells_;  // Keys, sorted, with their particles.
   std::vector<Vector> near_;                               // Particles in and around a cell.
-  std::vector<Vector> offsets_;                            // To the neighbors of one.
+  std::vector<Vector> offsets_;                            // Vectors to the neighbors of a particle.
   std::vector<KernelShape> shapes_;
 };
 

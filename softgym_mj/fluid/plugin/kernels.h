@@ -1,4 +1,4 @@
-// The inner loops of the solver. One source, compiled for AVX2 and for any processor, with the same results.
+// Inner loops of the solver: one source, compiled for AVX2 and portably, with bit-identical results.
 //
 // Translation units that include kernels_impl.h are compiled for different processors, so they must
 // not instantiate anything that another unit could share: no standard containers or algorithms.
@@ -15,16 +15,16 @@ struct FluidConstants {
   float spacing;       // Rest distance d [m].
   float radius;        // Support H of the kernel [m].
   float rest_density;  // Sum of (1 - r/H)^3 over the neighbors in water at rest.
-  float wall_density;  // Scale of what a wall adds to that sum.
-  float relaxation;    // Of the one Jacobi iteration in a substep.
+  float wall_density;  // Scale of a wall's contribution to that sum.
+  float relaxation;    // Relaxation factor of the Jacobi iteration of a substep.
   float correction;    // Largest correction in a substep [m].
   float contact;       // Distance at which walls are hard [m].
   float cohesion;      // Largest displacement of a pair by cohesion in a substep [m].
   float friction;      // Coulomb coefficient at walls.
 };
 
-// Particles in sorted order. Arrays of 4 floats per particle (x, y, z, 0); `count` real ones and one
-// more, far away, that pads lists.
+// Particles in sorted order. Arrays of 4 floats per particle (x, y, z, 0); `count` real particles and a distant one,
+// which pads lists.
 struct Particles {
   int count;
   float* position;       // Predicted, then corrected [m].
@@ -34,7 +34,7 @@ struct Particles {
   float* gradient;       // Sum of e_ij, plus the walls' part (see kernels_impl.h).
   float* wall_gradient;  // The walls' part.
   float* wall_density;   // What the walls add to the density, one float per particle.
-  float* free_share;     // Product over the walls of what they leave open, one float per particle.
+  float* free_share;     // Product over the walls of the share that they leave open, one float per particle.
   float* pressure;       // One float per particle.
   bool* crowded;         // Set if two particles may be in one place.
   const float* x;        // Coordinates at the time the lists were built.
@@ -60,7 +60,7 @@ struct Neighbors {
   long stride;
 };
 
-// Particles near one wall, padded, and what the kernels pass on about each.
+// Particles near one wall, padded, and intermediate results of the kernels.
 struct WallPairs {
   int count;  // Whole vectors.
   Shape shape;
@@ -69,7 +69,7 @@ struct WallPairs {
   const float* end;    // The same at its end.
   const int* particle;
   float* normal;  // Three arrays of `stride` floats.
-  float* share;   // What the wall fills of the kernel, 0..1.
+  float* share;   // Share of the kernel filled by the wall, 0..1.
   float* slope;   // Its decrease with distance, times H / 3 and the rest density.
   long stride;
 };
@@ -77,19 +77,19 @@ struct WallPairs {
 struct Kernels {
   // Fills the lists with all neighbors within `distance`; false if they exceed the capacity.
   bool (*FindNeighbors)(const Particles&, const Grid&, float distance, const Neighbors&);
-  // Pressures, and what cohesion moves the particles by into `correction`.
+  // Computes pressures, and writes displacements by cohesion into `correction`.
   void (*FindPressure)(const FluidConstants&, const Particles&, const Neighbors&);
-  // Adds what the pressures move the particles by to `correction`.
+  // Adds displacements by pressure to `correction`.
   void (*AddCorrection)(const FluidConstants&, const Particles&, const Neighbors&);
-  // Change of the velocity by viscosity (its factor of the weighted differences to the neighbors),
-  // into `correction`.
+  // Writes the change of velocity by viscosity (a factor of the weighted differences to the neighbors) into
+  // `correction`.
   void (*Smooth)(const FluidConstants&, const Particles&, const Neighbors&, float viscosity);
   // Distance [m] of particles to a wall at its end pose.
   void (*FindDistance)(const WallPairs&, const float* position, float* distance);
   void (*FindWallShare)(const FluidConstants&, const Particles&, const WallPairs&);
   void (*AddWallGradient)(const Particles&, const WallPairs&);
   // Keeps particles out of a wall. With `impulse` (6 numbers: sum of displacements and of their
-  // moments about the world origin), adds what the wall took up.
+  // moments about the world origin), adds the reaction on the wall.
   void (*Collide)(const FluidConstants&, const Particles&, const WallPairs&, double* impulse);
 };
 

@@ -1,4 +1,4 @@
-// The kernels of a processor's core: one particle, or eight, after the other. See kernels.h for what they must not use.
+// CPU kernels: loops over single particles or groups of eight, under the restrictions of kernels.h.
 
 #ifndef SOFTGYM_MJ_FLUID_KERNELS_IMPL_H_
 #define SOFTGYM_MJ_FLUID_KERNELS_IMPL_H_

@@ -1,4 +1,4 @@
-// The kernels for any processor.
+// Portable kernels.
 
 #include "kernels_impl.h"
 

@@ -1,4 +1,4 @@
-// How particles and walls move: what every solver of water does. See native/simd.h for what this must not use.
+// Motion of particles and walls, shared by all solvers of water, under the restrictions of native/simd.h.
 
 #ifndef SOFTGYM_MJ_FLUID_MOTION_H_
 #define SOFTGYM_MJ_FLUID_MOTION_H_
@@ -10,20 +10,20 @@
 
 namespace softgym_mj {
 
-// Lists hold pairs this much further apart than they act, and are rebuilt when something may have come closer than
-// that; in spacings.
+// [spacings] Margin of lists beyond the interaction range; they are rebuilt when a pair outside may have come into
+// range.
 constexpr float kListSkin = 0.45f;
 constexpr float kWallSkin = 1.0f;
-constexpr float kFar = 1e6f;  // [m] Where the particle is that pads lists.
-// Particles in one place push each other nowhere: all but one are moved by this, in spacings.
+constexpr float kFar = 1e6f;  // [m] Position of the particle that pads lists.
+// [spacings] Coincident particles do not repel each other: all but one are moved by this.
 constexpr float kNudge = 0.01f;
 // Particles are held within this of the origin [m].
 constexpr double kFurthest = 1e4;
-constexpr int kShare = 64;  // Numbers of particles are summed in shares of so many, each of which a thread can sum.
+constexpr int kShare = 64;  // Numbers of particles are summed in shares of this size, each by one thread.
 
 namespace {
 
-// The sum of number(i) for 0 <= i < count.
+// Sum of number(i) for 0 <= i < count.
 template <class T, class F>
 inline T SumInShares(int count, F number) {
   T sum = 0;
@@ -35,8 +35,8 @@ inline T SumInShares(int count, F number) {
   return sum;
 }
 
-// The cell of a grid in which a coordinate is, in widths of cells. Any one for what is not a number or beyond all
-// integers, which must not be cast on a processor.
+// Grid cell of a coordinate in units of the cell width. NaN and numbers beyond the range of integers, whose cast is
+// undefined, get an arbitrary cell.
 template <class T>
 inline int CellOf(T x) {
 #ifdef __CUDACC__
@@ -67,7 +67,7 @@ inline void HalfExtents(Shape shape, const float* s, float out[3]) {
   }
 }
 
-// By how much a particle near a wall, other than a plane, may be off its position along an axis [m].
+// Largest distance along an axis between a wall, other than a plane, and a particle near it [m].
 inline float ReachAlong(const float* pose, const float half[3], int axis, float range) {
   const float* r = pose + 3 + 3 * axis;
   return std::fabs(r[0]) * half[0] + std::fabs(r[1]) * half[1] + std::fabs(r[2]) * half[2] + range;
@@ -85,13 +85,13 @@ inline void Fall(const Particles& p, int i, const float fall[3], float max_speed
   }
 }
 
-// Square of how far something has moved from b to a, other than `mean` [m^2].
+// Squared deviation of the displacement from b to a from `mean` [m^2].
 inline float SquaredDeviation(const float* a, const float* b, const float* mean) {
   const float x = a[0] - b[0] - mean[0], y = a[1] - b[1] - mean[1], z = a[2] - b[2] - mean[2];
   return x * x + y * y + z * z;
 }
 
-// How far any point of a wall has moved from the pose `old`, other than `mean`, at most [m].
+// Upper bound of the deviation of a wall point's displacement since pose `old` from `mean` [m].
 inline float WallMotion(Shape shape, const float* size, const float* pose, const float* old, const float* mean) {
   float half[3], radius = kFar, turn = 0;
   if (shape != Shape::kPlane) {
@@ -119,8 +119,8 @@ inline void WallVelocity(const float* a, const float* b, float h, float velocity
   omega[2] = (turn[3] - turn[1]) / (2 * h);
 }
 
-// What water behind a wall at pose b, which moves so, changes of the velocity of a particle before it; false for
-// nothing. `share`: of the wall.
+// Change of a particle's velocity by the water behind a moving wall at pose b; returns false if there is none. `share`:
+// share of the wall.
 inline bool DragAtWall(const Particles& p, int i, const float* b, const float velocity[3], const float omega[3],
                        float share, double change[3]) {
   share = share < 1.0f ? share : 1.0f;
@@ -137,7 +137,7 @@ inline bool DragAtWall(const Particles& p, int i, const float* b, const float ve
   return true;
 }
 
-// A way along an axis for a particle that is in the place of another, from -1 to 1; `random` is of the particle.
+// Random displacement in -1..1 along an axis for a coincident particle; `random` is the particle's state.
 inline float NudgeAlong(unsigned* random) {
   *random = (*random ^ (*random >> 15)) * 2246822519u + 2654435769u;
   return static_cast<float>(*random >> 8) / 8388608.0f - 1.0f;

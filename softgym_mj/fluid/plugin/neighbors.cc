@@ -1,4 +1,4 @@
-// The lists of particles near each other and near walls, which a `Solver` keeps for some substeps.
+// Lists of particles near each other and near walls, which a `Solver` keeps for some substeps.
 
 #include <algorithm>
 #include <cmath>
@@ -11,8 +11,8 @@
 namespace softgym_mj {
 namespace {
 
-// All pairs of particles that lie in one place would take any memory there is: 16 bytes each. There is room for this
-// many pairs in all, and in any case for five times as many neighbors of a particle as in water at rest.
+// Limit of pairs, 16 bytes each, because coincident particles form pairs of all with all. There is always room for five
+// times as many neighbors of a particle as in water at rest.
 constexpr int kMaxPairs = 1 << 24;
 constexpr int kMaxNeighbors = 256;
 
@@ -20,11 +20,11 @@ int RoundUp(int n, int step) { return (n + step - 1) / step * step; }
 
 }  // namespace
 
-// How far apart the pairs in the lists are at most when they are made.
+// Largest distance of listed pairs when the lists are built.
 float Solver::ListDistance() const { return fluid_.radius + kListSkin * fluid_.spacing; }
 
 // Chooses the numbers of cells along the axes: about as many cells as particles, in the proportions
-// of the fluid. Four mean deviations are the length of a column and hardly heed a stray drop.
+// of the fluid. The extent is four mean deviations, the length of a column, which a stray drop hardly affects.
 void Solver::ShapeGrid() {
   const float cell = ListDistance();
   float extent[3];
@@ -48,7 +48,7 @@ void Solver::ShapeGrid() {
   grid_.nz = size[2];
 }
 
-// Brings the particles into the order of their cells.
+// Sorts the particles by cell.
 void Solver::Sort(float cell) {
   const int cells = grid_.nx * grid_.ny * grid_.nz;
   int* start = start_.Reserve(cells + 2);
@@ -86,7 +86,7 @@ void Solver::Sort(float cell) {
   }
 }
 
-// Moves particles that are in the place of another, each in a direction of its own.
+// Moves coincident particles in individual random directions.
 void Solver::Separate() {
   const int cells = grid_.nx * grid_.ny * grid_.nz;
   const auto compare = [this](int i, int j) {

@@ -1,4 +1,4 @@
-// What happens to one particle, or to eight near a wall. See kernels.h for what this must not use.
+// Computations for one particle, or for eight near a wall, under the restrictions of kernels.h.
 //
 // Position-based fluid (Macklin and Mueller, 2013) with the kernel w(r) = (1 - r/H)^3 for both
 // density and gradient, the particle itself excluded, and constraints that only push. With
@@ -16,14 +16,13 @@
 namespace softgym_mj {
 namespace {
 
-// A wall that would have to move a particle by more than its contact distance was put onto it;
-// it pushes it out by at most this share of the spacing in a substep.
+// If a wall would have to move a particle by more than its contact distance, it was placed onto it; the particle then
+// recovers by at most this share of the spacing per substep.
 constexpr float kDigOut = 0.1f;
-// A particle may come closer to a wall in a substep by this share of its distance. Since this is
-// below one nothing passes through a wall, however thin.
+// Share of its distance by which a particle may approach a wall in a substep. Below one, no particle passes through a
+// wall, however thin.
 constexpr float kApproach = 0.9f;
-// A particle in the place of another one has at least this excess of density; water at rest has a
-// hundredth.
+// Smallest excess density of a particle that coincides with another one; water at rest has 0.01.
 constexpr float kCrowded = 0.5f;
 
 // The vectors of four floats at `index`, without the fourth.
@@ -49,7 +48,7 @@ inline void Add(float* p, const int* index, int count, const Vec3<Lanes>& a) {
   });
 }
 
-constexpr int kRanges = 18;  // Of particles in the cells around one.
+constexpr int kRanges = 18;  // Largest number of ranges of particles in the cells around one.
 
 // Fills the ranges of particles in and around a cell; returns their number. They are 9 rows of cells, each one range
 // or, where it wraps, two.
@@ -92,7 +91,7 @@ inline int ListRange(const Particles& p, int i, const Vec3<Lanes>& x, Lanes limi
   return length;
 }
 
-// What particles have to do with one at a distance: the kernel's parts, and e_ij.
+// Interaction of a particle with others: parts of the kernel, and e_ij.
 struct Nearness {
   Lanes q, s, s2;
   Vec3<Lanes> away, e;
@@ -222,7 +221,7 @@ inline void FindDistance(const WallPairs& pairs, const float* position, float* d
   Distance<Lanes>(pairs.shape, pairs.size, local, &normal).Store(distance + k);
 }
 
-// What lies behind the tangent plane at distance d counts as filled with water at rest. With
+// The half space behind the tangent plane at distance d counts as filled with water at rest. With
 // u = 1 - d/H the integral of the kernel over it is proportional to u^5 (1/20 - u/30).
 inline void FindWallShare(const FluidConstants& fluid, const Particles& p, const WallPairs& pairs, int k) {
   const Lanes zero(0.0f), one(1.0f), inverse_radius(1.0f / fluid.radius);
@@ -271,7 +270,7 @@ inline void Collide(const FluidConstants& fluid, const Particles& p, const WallP
   const Vec3<Lanes> from = ToLocal(pairs.start, old_x), to = ToLocal(pairs.end, x);
   Vec3<Lanes> normal;
   const Lanes old_distance = Distance<Lanes>(pairs.shape, pairs.size, from, &normal);
-  // The way relative to the wall, shortened so that it cannot pass it.
+  // Displacement relative to the wall, shortened so that it cannot pass through it.
   Vec3<Lanes> way = {to.x - from.x, to.y - from.y, to.z - from.z};
   const Lanes length = Dot(way, way);
   const Lanes limit = Select(Less(zero, old_distance), Lanes(kApproach) * old_distance, contact);

@@ -12,7 +12,7 @@ namespace {
 
 constexpr float kSupport = 1.83f;  // Kernel radius in spacings, as in FleX.
 
-// Calibrated on columns at rest: kernel sum in water at rest, and what a wall adds.
+// Calibrated on columns at rest: kernel sum in water at rest, and the contribution of a wall.
 constexpr float kRestDensity = 0.632f;
 constexpr float kWallDensity = 24.3f;
 
@@ -20,14 +20,14 @@ constexpr float kRelaxation = 0.45f;  // Above 0.6 the fluid boils.
 constexpr float kCorrection = 0.4f;   // Largest correction in a substep, in spacings.
 constexpr float kContact = 0.3f;      // Distance at which walls are hard, in spacings.
 
-// Sum over the neighbors of (1 - r/H)^3 r^2 / 6 in units of H^2: what turns a sum of velocity
-// differences into a Laplacian. 4 pi (H/d)^3 times the integral of (1 - q)^3 q^4, over 6.
+// Converts a sum of velocity differences to a Laplacian: sum over the neighbors of (1 - r/H)^3 r^2 / 6 in units of H^2,
+// which is 4 pi (H/d)^3 times the integral of (1 - q)^3 q^4, over 6.
 constexpr double kLaplacian = 4 * 3.14159265358979 * kSupport * kSupport * kSupport / 280 / 6;
 constexpr double kViscosityPass = 0.7;  // Largest stable factor in one pass.
 constexpr int kMaxPasses = 64;
 
-// The mean of the positions is the origin unless a particle is further from it, which would cost the
-// others precision: it is the median then. Particles are held within kFurthest of it. [m]
+// [m] The origin is the mean of the positions, or their median if a particle is further from the mean than this, which
+// would reduce the precision of the others. Particles are kept within kFurthest of it.
 constexpr double kStray = 100;
 
 constexpr float kLayer = 0.8f;  // Particles nearer than this to a wall touch it, in spacings.
@@ -210,11 +210,11 @@ void Solver::Substep(float h, const double gravity[3], float max_speed, Impulse*
   }
 }
 
-// Viscosity, once a step.
+// Applies viscosity, once per step.
 void Solver::Smooth(const FluidConfig& config, double timestep, float h, Impulse* impulses) {
   const auto [passes, viscosity] = MakeSmoothing(config, timestep);
   if (passes == 0) return;
-  // The lists are those of the last substep: a pair that has come into reach since weighs nothing.
+  // The lists are those of the last substep: pairs that have come into range since have no weight.
   flexes_.FindNear(p_, order_.get());
   flexes_.FindShares(p_);
   for (int pass = 0; pass < passes; ++pass) {
@@ -231,7 +231,7 @@ void Solver::DragAtWalls(float viscosity, float h, Impulse* impulses) {
     const WallPairs& pairs = pairs_[w];
     double sums[6] = {};
     kernels_->FindWallShare(fluid_, p_, pairs);
-    // Of the last substep: v + omega x (position - wall position).
+    // Velocity in the last substep: v + omega x (position - wall position).
     float velocity[3], omega[3];
     WallVelocity(pairs.start, pairs.end, h, velocity, omega);
     for (int n = 0; n < pairs.count; ++n) {

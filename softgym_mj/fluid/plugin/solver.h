@@ -22,13 +22,13 @@ struct Impulse {
   double angular[3];
 };
 
-constexpr size_t kAlignment = 64;  // [bytes] Of the widest vectors.
+constexpr size_t kAlignment = 64;  // [bytes] Alignment of the widest SIMD vectors.
 
-// Speed [m/s] that particles are held to and above which a wall counts as teleported: neither moves
-// further in a substep than half the reach of the walls.
+// Speed limit [m/s] of particles, above which a wall counts as teleported: neither may move further in a substep than
+// half the range of the walls.
 double MaxSpeed(const FluidConfig& config, double timestep);
 
-// Of a fluid in substeps of h [s].
+// Constants of a fluid with substeps of h [s].
 FluidConstants MakeConstants(const FluidConfig& config, double h);
 
 // Passes of viscosity at the end of a step, and the factor of each.
@@ -47,7 +47,7 @@ class Buffer {
  public:
   T* Reserve(size_t size) {
     if (size > size_) {
-      // Aligned by hand: not every platform has a function for it.
+      // Manual alignment, because not every platform has a function for it.
       const size_t more = size + size / 4;
       memory_.reset(new char[more * sizeof(T) + kAlignment]);
       size_ = more;
@@ -65,13 +65,12 @@ class Buffer {
   size_t size_ = 0;
 };
 
-// Scratch memory of one thread. A step is a pure function of its arguments: nothing is kept from
-// one call to the next but memory.
+// Solver with scratch memory of one thread. A step is a pure function of its arguments.
 class Solver {
  public:
   // Moves `count` particles (positions [m] and velocities [m/s], x y z each) by `timestep` seconds
   // while the walls move from `start` to `end`, and the flexes. Fills `impulses`, one per wall, unless
-  // it is null. False if a particle had too many neighbors, particles or elements, of which not all counted.
+  // it is null. Returns false if neighbors, particles or flex elements, were left out because there were too many.
   bool Step(const FluidConfig& config, double timestep, const double gravity[3], const std::vector<Wall>& walls,
             const std::vector<Pose>& start, const std::vector<Pose>& end, const FlexMotion& flexes, double* positions,
             double* velocities, Impulse* impulses);
@@ -106,12 +105,12 @@ class Solver {
   int count_ = 0;
   bool lists_valid_ = false;
   bool too_many_ = false;
-  double mass_;       // Of a particle [kg].
+  double mass_;       // Mass of a particle [kg].
   double origin_[3];  // Single precision positions are relative to it.
 
   FlexBoundary flexes_;
   const std::vector<Wall>* walls_ = nullptr;
-  std::vector<float> wall_start_, wall_end_, wall_built_;  // 12 numbers a wall: see WallPairs.
+  std::vector<float> wall_start_, wall_end_, wall_built_;  // 12 numbers per wall, as in WallPairs.
   std::vector<WallPairs> pairs_;
 
   Buffer<float> position_, old_position_, velocity_, spare_, correction_, gradient_, wall_gradient_, wall_density_,

@@ -12,20 +12,21 @@
 namespace softgym_mj {
 namespace {
 
-// What is further from the world's origin than this many cells, or not a number, is not drawn: a key has
-// 21 bits for each axis.
+// Particles further from the world's origin than this many cells, or with NaN, are not drawn: a key has 21 bits per
+// axis.
 constexpr double kMostCells = 1e6;
-// Of 8 KB: as many as 200000 particles fill, finely, that lie together. Scattered drops would take eight each.
+// Limit of blocks of 8 KB: 200,000 connected particles fill as many at a fine resolution. Scattered drops take eight
+// each.
 constexpr size_t kMostBlocks = 1 << 15;
 constexpr double kCoarser = 1.4;  // Growth of the voxels until the surface fits.
-// Voxels that grow so often are as large as the space in which particles are drawn.
+// After this many growths, voxels are as large as the space in which particles are drawn.
 constexpr int kMostTries = 48;
 // Taubin (1995): passes of smoothing, each followed by one that undoes the loss of volume; of some vertices of a drop
 // it does not. Less one, as many as voxels in this many spacings.
 constexpr double kSmoothed = 2;
 constexpr double kShrink = 0.5, kGrow = -0.53;
 
-// Where a point of a block, or the first beyond it, is: in which of the next blocks, as bits, and there.
+// Location of a point of a block or of the first points beyond it: the adjacent block as bits, and the index in it.
 int NearOf(int x, int y, int z) { return (x >> 3) | (y >> 3) << 1 | (z >> 3) << 2; }
 int PointOf(int x, int y, int z) { return (x & 7) | (y & 7) << 3 | (z & 7) << 6; }
 
@@ -45,7 +46,7 @@ SurfaceExtractor::Block& SurfaceExtractor::FindBlock(int x, int y, int z) {
 }
 
 void SurfaceExtractor::Splat(const KernelShape& kernel) {
-  int low[3], high[3];  // And one point around, so that blocks have all edges which the surface crosses.
+  int low[3], high[3];  // Bounds with a margin of one point, so that blocks have all edges that the surface crosses.
   for (int k = 0; k < 3; ++k) {
     low[k] = static_cast<int>(std::floor(kernel.centre[k] - kernel.reach[k])) - 1;
     high[k] = static_cast<int>(std::ceil(kernel.centre[k] + kernel.reach[k])) + 1;
@@ -60,7 +61,7 @@ void SurfaceExtractor::Splat(const KernelShape& kernel) {
       for (int bx = down(low[0]); bx <= down(high[0]); ++bx) {
         float* weight = FindBlock(bx, by, bz).weight;
         const int base[3] = {bx * kBlock, by * kBlock, bz * kBlock};
-        float offset[3];  // Of the block's first point.
+        float offset[3];  // Offset of the block's first point.
         for (int k = 0; k < 3; ++k) offset[k] = static_cast<float>(base[k] - kernel.centre[k]);
         const int y0 = std::max(low[1] - base[1], 0), y1 = std::min(high[1] - base[1], kBlock - 1);
         const int z0 = std::max(low[2] - base[2], 0), z1 = std::min(high[2] - base[2], kBlock - 1);
@@ -71,7 +72,7 @@ void SurfaceExtractor::Splat(const KernelShape& kernel) {
             // Along the row 1 - q is a parabola.
             const float rest = 1 - zz * dz * dz - dy * (yy * dy + yz * dz), slope = xz * dz + xy * dy;
             if (rest + most * slope * slope <= 0) continue;
-            // All of a row: the compiler makes vectors of it.
+            // A whole row, which the compiler vectorizes.
             float* row = weight + PointOf(0, y, z);
             for (int x = 0; x < kBlock; ++x) {
               const float dx = offset[0] + static_cast<float>(x), s = rest - dx * (slope + xx * dx);
@@ -102,7 +103,7 @@ void SurfaceExtractor::LookAround(const Block& block, Surroundings* around) cons
   around->crossed = 0 < count && count < kSide * kSide * kSide;
 }
 
-// In voxels, on the edges that begin in a block.
+// Places vertices [voxels] on the edges that begin in a block.
 void SurfaceExtractor::PlaceVertices(Block* block) {
   Surroundings around;
   LookAround(*block, &around);
@@ -181,7 +182,7 @@ void SurfaceExtractor::FindNormals() {
   }
 }
 
-// In voxels, which have grown so often. False if it does not fit.
+// Extracts the surface [voxels] after `growths` growths; returns false if it does not fit.
 bool SurfaceExtractor::TryVoxel(const double* positions, int count, double spacing, double voxel, size_t most,
                                 int growths) {
   index_.clear();
@@ -234,9 +235,9 @@ const SurfaceMesh* SurfaceExtractor::Extract(const double* positions, int count,
 
 }  // namespace softgym_mj
 
-// Copies the surface around particles: see `SurfaceExtractor`. There is room for `most` triangles, and as many
-// vertices: a closed mesh has fewer. Returns 0; 1 if there are more, 2 if memory runs out. `sizes` are of vertices and
-// faces.
+// Copies the surface around particles (`SurfaceExtractor`). There is room for `most` triangles and as many vertices,
+// because a closed mesh has fewer. `sizes`: numbers of vertices and faces. Returns 0, 1 if there is not enough room, or
+// 2 if memory runs out.
 SGM_EXPORT int softgym_mj_water_mesh(const double* positions, int count, double spacing, double voxel, int most,
                                      double offset, float* vertices, float* normals, int* faces, int* sizes) {
   using namespace softgym_mj;

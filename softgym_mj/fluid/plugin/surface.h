@@ -12,20 +12,19 @@
 
 namespace softgym_mj {
 
-// Closed: each side of a triangle belongs to one other.
+// A closed mesh: each side of a triangle is shared with exactly one other.
 struct SurfaceMesh {
   std::vector<Vec3<float>> vertices;  // [m]
   std::vector<Vec3<float>> normals;   // Unit, out of the water.
-  std::vector<int> faces;             // Three vertices each, anticlockwise seen from outside.
+  std::vector<int> faces;             // Three vertices each, counterclockwise seen from outside.
 };
 
-// Marching cubes (Lorensen and Cline, 1987) around anisotropic kernels, smoothed. The grid is sparse, so that far
-// droplets cost nothing in between.
+// Marching cubes (Lorensen and Cline, 1987) around anisotropic kernels, smoothed, on a sparse grid.
 class SurfaceExtractor {
  public:
-  // The surface around `count` particles (x y z each) `spacing` apart at rest, with a vertex about every `voxel`
-  // metres, or further apart and without some lone drops where there would be more than `most` triangles. `offset` [m]
-  // moves it outwards. The result is valid until the next call; null if none will do, or they would take too much
+  // Returns the surface around `count` particles (x y z each) with rest distance `spacing` [m] and about one vertex per
+  // `voxel` [m]. If there are more than `most` triangles, voxels grow and some single drops are left out. `offset` [m]
+  // moves the surface outwards. The result is valid until the next call; null if it does not fit or takes too much
   // memory.
   const SurfaceMesh* Extract(const double* positions, int count, double spacing, double voxel, int most,
                              double offset = 0);
@@ -35,11 +34,11 @@ class SurfaceExtractor {
   static constexpr int kPoints = kBlock * kBlock * kBlock;
   struct Block {
     int x, y, z;
-    float weight[kPoints];     // Of the water, per grid point.
+    float weight[kPoints];     // Weight of the water per grid point.
     int crossing[kPoints][3];  // Vertex on the edge to the next point along an axis, where the surface crosses it.
   };
-  static constexpr int kSide = kBlock + 1;  // With the first points of the next blocks.
-  // A block with the next ones.
+  static constexpr int kSide = kBlock + 1;  // Including the first points of adjacent blocks.
+  // A block with its adjacent ones.
   struct Surroundings {
     const Block* near[8];              // Null where there is no water.
     bool inside[kSide][kSide][kSide];  // By z, y, x.
@@ -57,7 +56,7 @@ class SurfaceExtractor {
 
   KernelShapes kernels_;
   std::vector<double> centres_;
-  std::vector<int> particles_;  // Of the centres.
+  std::vector<int> particles_;  // Particle of each center.
   std::unordered_map<uint64_t, int> index_;
   std::vector<Block> blocks_;
   std::vector<Vec3<float>> sums_;

@@ -1,4 +1,4 @@
-// How far walls move in a step: those that move further than they may count as teleported.
+// Displacement of walls in a step; walls beyond the limit count as teleported.
 
 #ifndef SOFTGYM_MJ_FLUID_SWEEP_H_
 #define SOFTGYM_MJ_FLUID_SWEEP_H_
@@ -12,7 +12,7 @@
 namespace softgym_mj {
 namespace {
 
-// The rotation that leads from one quaternion to another the short way: its axis times its angle.
+// Shortest rotation between two quaternions: axis times angle.
 inline void TurnBetween(const double a[4], const double b[4], double turn[3]) {
   const double back[4] = {a[0], -a[1], -a[2], -a[3]};
   double q[4];
@@ -24,7 +24,7 @@ inline void TurnBetween(const double a[4], const double b[4], double turn[3]) {
 
 inline double Length(const double a[3]) { return std::sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]); }
 
-// Length of the way in a step of a point that is at `offset` from the centre of a wall, which goes by `way` and turns.
+// Path length in a step of a point at `offset` from the center of a wall that moves by `way` and rotates by `turn`.
 inline double WayOfPoint(const double way[3], const double turn[3], const double offset[3]) {
   const double moved[3] = {way[0] + turn[1] * offset[2] - turn[2] * offset[1],
                            way[1] + turn[2] * offset[0] - turn[0] * offset[2],
@@ -32,15 +32,15 @@ inline double WayOfPoint(const double way[3], const double turn[3], const double
   return Length(moved);
 }
 
-// Length of the way [m] of the fastest point of a wall between poses a and b, position and quaternion: of a corner of a
-// box, of an end of the axis of a capsule; of others, a bound. Turns that leave a shape where it is do not count, nor
-// any of planes.
+// Path length [m] of the fastest point of a wall between poses a and b (position and quaternion): of a corner of a box,
+// of an end of a capsule's axis; an upper bound for other shapes. Rotations that leave a shape unchanged, and all
+// rotations of planes, do not count.
 inline double WayOfWall(Shape shape, const float size[3], const double a[7], const double b[7]) {
   double way[3], turn[3];
   for (int k = 0; k < 3; ++k) way[k] = b[k] - a[k];
   TurnBetween(a + 3, b + 3, turn);
   const double length = Length(way);
-  double half[3] = {0, 0, 0}, round = 0;  // Corners, and what is around them.
+  double half[3] = {0, 0, 0}, round = 0;  // Corners, and radius around them.
   switch (shape) {
     case Shape::kBox:
       for (int k = 0; k < 3; ++k) half[k] = size[k];
@@ -56,7 +56,7 @@ inline double WayOfWall(Shape shape, const float size[3], const double a[7], con
     default:
       return length;
   }
-  // Halfway, points move in the direction in which they get from a to b.
+  // At half the rotation, points move in the direction of their displacement from a to b.
   double middle[4], dot = 0, furthest = 0;
   for (int k = 3; k < 7; ++k) dot += a[k] * b[k];
   for (int k = 0; k < 4; ++k) middle[k] = a[3 + k] + (dot < 0 ? -b[3 + k] : b[3 + k]);
@@ -68,7 +68,7 @@ inline double WayOfWall(Shape shape, const float size[3], const double a[7], con
     furthest = std::max(furthest, WayOfPoint(way, turn, offset));
   }
   if (round == 0) return furthest;
-  // Discs: the part of a turn across the axis tilts them.
+  // Discs: the component of the rotation perpendicular to the axis tilts them.
   const double up[3] = {0, 0, 1};
   double axis[3];
   RotVecQuat(up, middle, axis);
