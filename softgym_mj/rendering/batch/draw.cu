@@ -1,4 +1,4 @@
-// Pictures of all environments of a batch on a GPU: by a block of `SGM_THREADS` each.
+// Renders all environments of a batch on a GPU, by blocks of `SGM_THREADS`.
 
 #include "batch/queue.h"
 #include "rendering/batch/draw.h"

@@ -2,7 +2,7 @@
 #include "native/export.h"
 #include "rendering/batch/draw.h"
 
-// Bytes of memory that pictures of a scene need, of (height, width) pixels with samples^2 samples each.
+// Returns the bytes of memory for images of a scene with (height, width) pixels and samples^2 samples each.
 SGM_EXPORT void softgym_mj_pictures_batch_memory(const char* scene, long long height, long long width,
                                                  long long samples, long long* size) {
   using namespace softgym_mj::pictures;
@@ -12,7 +12,7 @@ SGM_EXPORT void softgym_mj_pictures_batch_memory(const char* scene, long long he
   *size = memory.size();
 }
 
-// Pictures of all environments by some threads, no more than slots; `turns`: see group.h.
+// Renders all environments by at most as many threads as slots; `turns`: order of iterations (group.h).
 SGM_EXPORT void softgym_mj_pictures_batch_step(const softgym_mj::pictures::Batch* batch, int threads, int turns) {
   softgym_mj::InThreads(static_cast<int>(batch->num_envs), threads, [&](int i, int slot) {
     softgym_mj::Turns() = turns;
@@ -20,7 +20,7 @@ SGM_EXPORT void softgym_mj_pictures_batch_step(const softgym_mj::pictures::Batch
   });
 }
 
-// Sizes of the structs that Python writes: see layout.py.
+// Returns sizes of the structs that layout.py writes.
 SGM_EXPORT void softgym_mj_pictures_batch_layout(long long* sizes) {
   using namespace softgym_mj::pictures;
   const size_t found[] = {sizeof(Material), sizeof(Solid),   sizeof(Glass), sizeof(Light),

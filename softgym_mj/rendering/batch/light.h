@@ -1,4 +1,4 @@
-// Light and shadow, and the colours of things, as OpenGL's fixed functions have them but for each sample.
+// Lights, shadows and colors, as in OpenGL's fixed-function pipeline, but per sample.
 
 #ifndef SOFTGYM_MJ_RENDERING_BATCH_LIGHT_H_
 #define SOFTGYM_MJ_RENDERING_BATCH_LIGHT_H_
@@ -10,15 +10,15 @@
 namespace softgym_mj::pictures {
 namespace {
 
-constexpr float kAside = 100;       // [m] From the origin: beyond, nothing throws a shadow.
-constexpr float kOffset = 2e-3f;    // [m] Off a surface, of what looks towards a light.
-constexpr float kVoxelsOff = 0.5f;  // The same, in voxels of the water,
-constexpr float kTexelsOff = 1.5f;  // The same, in texels of a shadow.
-constexpr float kShininess = 128;   // Of OpenGL, of a material whose shininess is 1.
+constexpr float kAside = 100;       // [m] Distance from the origin beyond which nothing casts a shadow.
+constexpr float kOffset = 2e-3f;    // [m] Offset of shadow rays from a surface.
+constexpr float kVoxelsOff = 0.5f;  // The same in voxels of the water.
+constexpr float kTexelsOff = 1.5f;  // The same in texels of a shadow map.
+constexpr float kShininess = 128;   // OpenGL's exponent of a material with shininess 1.
 
 inline Point Times(const Point& a, const Point& b) { return {a.x * b.x, a.y * b.y, a.z * b.z}; }
 
-// Across a light, and towards it.
+// Coordinates perpendicular to a light's direction, and along it.
 struct Across {
   Point right, up, to;
 
@@ -28,9 +28,9 @@ struct Across {
   }
 };
 
-// A grid across a light over all that deforms.
+// Grid of a shadow map over all deformable objects.
 struct ShadowGrid {
-  float left, low, scale;  // [m], texels in a metre.
+  float left, low, scale;  // [m], texels per meter.
 
   explicit ShadowGrid(const float* bounds) {
     left = kAside - bounds[1], low = kAside - bounds[3];
@@ -40,7 +40,7 @@ struct ShadowGrid {
   }
 };
 
-// How near to each light that throws shadows something is, of what deforms and is a mesh.
+// Renders the shadow maps of deformable meshes for all lights with shadows.
 inline void DrawShadows(const Canvas& c) {
   const Scene& s = *c.scene;
   const Light* lights = s.At<Light>(s.lights);
@@ -78,7 +78,7 @@ inline void DrawShadows(const Canvas& c) {
   }
 }
 
-// The share of a light that reaches a point; `shadow`: the number of its shadow.
+// Share of a light that reaches a point; `shadow`: index of its shadow map.
 inline float Reaches(const Canvas& c, const Light& light, int shadow, const Point& place, const Point& normal) {
   const Scene& s = *c.scene;
   const Across across(light);
@@ -108,7 +108,7 @@ inline float Reaches(const Canvas& c, const Light& light, int shadow, const Poin
   return share;
 }
 
-// The colour of a texture; `texels`: how many of the first level are in a pixel, along a side.
+// Color of a texture; `texels`: texels of the first mipmap level per pixel, along a side.
 inline Point Sampled(const Texture& texture, float u, float v, float texels) {
   const unsigned char* data = reinterpret_cast<const unsigned char*>(texture.texels);
   int width = texture.width, height = texture.height;
@@ -130,7 +130,7 @@ inline Point Sampled(const Texture& texture, float u, float v, float texels) {
   return sum;
 }
 
-// What a surface sends to an eye. `texel`: factor to it, white without a texture. No shadow falls on glass.
+// Light from a surface to the eye. `texel`: color factor, white without a texture. Glass receives no shadows.
 inline Point Lit(const Canvas& c, const Material& material, const Point& texel, const Point& place, const Point& normal,
                  const Point& to_eye, bool is_glass = false) {
   const Scene& s = *c.scene;
@@ -149,7 +149,7 @@ inline Point Lit(const Canvas& c, const Material& material, const Point& texel, 
     if (share <= 0) continue;
     sum = sum + share * cosine * At(light.diffuse);
     const float half = Dot(normal, Direction(to + to_eye)), n = kShininess * material.shininess;
-    // Schlick (1994) for half^n: no function of whose last bits processors differ.
+    // Schlick's (1994) approximation of half^n, which is bit-identical on all processors.
     if (half > 0) shine = shine + share * material.specular * half / (n - n * half + half) * At(light.specular);
   }
   const Point all = Times(Times(sum, At(material.color)) + shine, texel);

@@ -1,4 +1,4 @@
-// Triangles of a picture: of sheets, ropes and glass, as they are now.
+// Triangles of sheets, ropes and glass in their current state.
 
 #ifndef SOFTGYM_MJ_RENDERING_BATCH_MESHES_H_
 #define SOFTGYM_MJ_RENDERING_BATCH_MESHES_H_
@@ -8,7 +8,7 @@
 namespace softgym_mj::pictures {
 namespace {
 
-// Vertices are means of points, moved outwards a little: see entities/sheet.py.
+// Computes vertices as means of points, with a small outward offset (entities/sheet.py).
 inline void PlaceSheet(const Canvas& c) {
   const Scene& s = *c.scene;
   const int *starts = s.At<int>(s.weight_starts), *points = s.At<int>(s.weight_points);
@@ -73,7 +73,7 @@ inline void PlaceGlasses(const Canvas& c) {
   }
 }
 
-// Frames of solids.
+// Computes frames of solids.
 inline void PlaceSolids(const Canvas& c) {
   const Solid* solids = c.scene->At<Solid>(c.scene->solids);
   Each(c.scene->num_solids, [&](int i) {
@@ -99,14 +99,14 @@ inline void PlaceMeshes(const Canvas& c) {
   PlaceGlasses(c);
 }
 
-// Puts vertices where an eye sees them.
+// Projects vertices to the image.
 inline void Project(const Canvas& c, const Eye& eye) {
   constexpr float kNearest = 0.01f, kFarthest = 1e7f;  // [m], [1/256 of a sample]
   const float up = 0.5f * static_cast<float>(c.height) / eye.slope;
   Each(c.scene->num_vertices + c.scene->glass_vertices, [&](int i) {
     const Point p = TurnedBack(eye.rotation, c.places[i] - At(eye.position));
     const float distance = -p.z;
-    c.nearness[i] = distance > kNearest ? 1 / distance : 0;  // 0: not seen, nor what it belongs to.
+    c.nearness[i] = distance > kNearest ? 1 / distance : 0;  // 0: neither the vertex nor its triangles are visible.
     const float x = 0.5f * static_cast<float>(c.width) + up * p.x * c.nearness[i];
     const float y = 0.5f * static_cast<float>(c.height) - up * p.y * c.nearness[i];
     const auto within = [](float a) { return a < -kFarthest ? -kFarthest : a > kFarthest ? kFarthest : a; };
@@ -115,14 +115,13 @@ inline void Project(const Canvas& c, const Eye& eye) {
   });
 }
 
-// Calls f(x, y, value) for each sample of a (width, height) grid in a triangle whose front is seen; a side belongs to
-// one of the two triangles that share it (exactly: all are whole numbers). `corners`: x, y of each [1/256 of a
-// sample], x to the right, y downwards. `values`: at corners, linear between. Of its rows, `share` and each `shares`
-// after it.
+// Calls f(x, y, value) for each sample of a (width, height) grid in a front-facing triangle; a shared side belongs to
+// exactly one triangle (integer arithmetic). `corners`: x, y of each [1/256 of a sample], x to the right, y downwards.
+// `values`: at corners, interpolated linearly. It handles row `share` and every `shares`-th row after it.
 template <class F>
 inline void EachSample(const int corners[3][2], const float values[3], int width, int height, int share, int shares,
                        const F& f) {
-  // Anticlockwise in the world is clockwise where y is downwards.
+  // Counterclockwise in the world frame is clockwise if y points downwards.
   const int order[3] = {0, 2, 1};
   long long x[3], y[3];
   float value[3];
@@ -136,7 +135,7 @@ inline void EachSample(const int corners[3][2], const float values[3], int width
   const int x0 = std::max(first(low_x), 0), x1 = std::min(last(high_x), width - 1);
   const int y0 = std::max(first(low_y), 0) + share, y1 = std::min(last(high_y), height - 1);
   long long slope_x[3], slope_y[3], start[3];
-  for (int k = 0; k < 3; ++k) {  // Of the side opposite to corner k.
+  for (int k = 0; k < 3; ++k) {  // The side opposite to corner k.
     const int a = (k + 1) % 3, b = (k + 2) % 3;
     const long long dx = x[b] - x[a], dy = y[b] - y[a];
     slope_x[k] = -256 * dy, slope_y[k] = 256 * dx;
@@ -159,8 +158,8 @@ inline void EachSample(const int corners[3][2], const float values[3], int width
   }
 }
 
-// Finds the nearest of some triangles in each sample: of what is behind `before`, where that is not null. Large ones
-// are drawn in `shares`.
+// Finds the nearest triangle in each sample, behind `before` if that is not null. Large triangles are rendered in
+// `shares` parts.
 inline void DrawTriangles(const Canvas& c, int first, int end, int shares, const Key* before, Key* nearest) {
   const Scene& s = *c.scene;
   const int* triangles = s.At<int>(s.triangles);

@@ -1,4 +1,4 @@
-// What rays show: colours of meshes, solids and the sky.
+// Colors of meshes, solids and the sky along rays.
 
 #ifndef SOFTGYM_MJ_RENDERING_BATCH_RAYS_H_
 #define SOFTGYM_MJ_RENDERING_BATCH_RAYS_H_
@@ -8,11 +8,11 @@
 namespace softgym_mj::pictures {
 namespace {
 
-// A ray through a sample: its direction has the length 1 along the view.
+// A ray through a sample; its direction has length 1 along the view.
 struct Ray {
   Point from, along;
-  Point back;    // From the middle of the image: for light, all of it is seen from there, as by OpenGL.
-  float spread;  // Of what a sample shows, at the distance 1.
+  Point back;    // Direction to the eye at the image center, used for all specular light, as in OpenGL.
+  float spread;  // Footprint of a sample at distance 1.
 };
 
 inline Ray RayOf(const Canvas& c, const Eye& eye, int x, int y) {
@@ -22,7 +22,7 @@ inline Ray RayOf(const Canvas& c, const Eye& eye, int x, int y) {
   return {At(eye.position), Turned(eye.rotation, view), {eye.rotation[2], eye.rotation[5], eye.rotation[8]}, pixel};
 }
 
-// What of a triangle a ray shows: where, and the shares of its corners.
+// Hit of a ray and a triangle: position and barycentric coordinates.
 struct OnTriangle {
   Point place;
   float shares[3];
@@ -55,7 +55,7 @@ inline Point MeshColor(const Canvas& c, int triangle, const Ray& ray) {
       u[k] = texcoords[2 * corner[k]], v[k] = texcoords[2 * corner[k] + 1];
       at[0] += on.shares[k] * u[k], at[1] += on.shares[k] * v[k];
     }
-    // How many texels a pixel shows, along a side: from the areas of the triangle.
+    // Texels per pixel along a side, from the areas of the triangle.
     const int *p = c.image + 2 * corner[0], *q = c.image + 2 * corner[1], *r = c.image + 2 * corner[2];
     const float width = static_cast<float>(texture.width), height = static_cast<float>(texture.height);
     const float texels = width * height * fabsf((u[1] - u[0]) * (v[2] - v[0]) - (v[1] - v[0]) * (u[2] - u[0]));
@@ -75,7 +75,7 @@ inline Point SolidColor(const Canvas& c, const Solid& solid, const Hit& hit, con
     const Texture& texture = s.At<Texture>(s.textures)[material.texture];
     const float facing = std::max(fabsf(Dot(hit.normal, Direction(ray.along))), 0.05f);
     const float side = ray.spread * hit.distance / sqrtf(facing) * 0.5f * material.repeat;
-    // As MuJoCo has it: a picture covers two metres.
+    // MuJoCo's convention: a texture covers two meters.
     const float u = 0.5f * material.repeat * (hit.at.x + solid.size[0]),
                 v = 0.5f * material.repeat * (solid.size[1] - hit.at.y);
     texel = Sampled(texture, u, v, side * static_cast<float>(c.samples * texture.width));

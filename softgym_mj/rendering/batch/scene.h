@@ -1,6 +1,6 @@
-// What a picture is drawn from: scenes, and where they are drawn.
+// Scenes of the batch renderer, and memory of images.
 //
-// A scene is one piece of memory: `Scene`, then arrays at offsets in bytes. rendering/batch/scenes.py writes it.
+// A scene is one block of memory: `Scene`, then arrays at offsets in bytes. rendering/batch/scenes.py writes it.
 
 #ifndef SOFTGYM_MJ_RENDERING_BATCH_SCENE_H_
 #define SOFTGYM_MJ_RENDERING_BATCH_SCENE_H_
@@ -15,29 +15,29 @@ namespace softgym_mj::pictures {
 
 using Point = Vec3<float>;
 
-enum Kind { kNothing, kSheet, kRope, kWater };      // What deforms.
-enum Shape { kBox, kSphere, kCylinder };            // Of solids.
-enum Label { kBackground, kObject, kActor, kCup };  // As LABELS in rendering/observables.py.
-enum What { kColors, kSurfaces };                   // What is drawn: colours, or labels and distances.
+enum Kind { kNothing, kSheet, kRope, kWater };      // Kinds of deformable objects.
+enum Shape { kBox, kSphere, kCylinder };            // Shapes of solids.
+enum Label { kBackground, kObject, kActor, kCup };  // LABELS of rendering/observables.py.
+enum What { kColors, kSurfaces };                   // Output: colors, or labels and depths.
 
-constexpr int kSkyRows = 32;     // Colours of the sky, from straight down to straight up.
-constexpr int kMostSamples = 4;  // Of a pixel.
-constexpr int kMostPanes = 6;    // Of glass behind each other that are seen.
+constexpr int kSkyRows = 32;     // Colors of the sky, from straight down to straight up.
+constexpr int kMostSamples = 4;  // Largest number of samples per pixel.
+constexpr int kMostPanes = 6;    // Largest number of visible layers of glass.
 constexpr int kShadowSide = 256, kShadowTexels = kShadowSide * kShadowSide;
-constexpr int kMostShadows = 3;  // Of lights; what is beyond throws none.
-// Where water is drawn: blocks of voxels around the origin, as many as lie in the memory.
+constexpr int kMostShadows = 3;  // Largest number of lights with shadows.
+// Grid of water: blocks of voxels around the origin, as many as fit into the memory.
 constexpr int kBlockSide = 8, kVoxels = kBlockSide * kBlockSide * kBlockSide;
 constexpr int kBlocksX = 32, kBlocksZ = 16, kBlocks = kBlocksX * kBlocksX * kBlocksZ, kMostBlocks = 2048;
-constexpr int kBuckets = 4096;  // Of particles by their cells.
+constexpr int kBuckets = 4096;  // Hash buckets of particles by cell.
 
 struct Material {
   float color[3], opacity, specular, shininess;
-  int texture;   // -1: none.
-  float repeat;  // Pictures in two metres.
+  int texture;   // -1 means none.
+  float repeat;  // Repetitions of the texture in two meters.
 };
 
 struct Solid {
-  int shape, mover, label;  // Of a mover, or -1: still.
+  int shape, mover, label;  // `mover`: index of a mover, or -1 if fixed.
   float size[3], position[3], rotation[9];
   Material material;
 };
@@ -48,28 +48,28 @@ struct Glass {
 };
 
 struct Light {
-  float direction[3], diffuse[3], ambient[3], specular[3];  // The first towards it.
+  float direction[3], diffuse[3], ambient[3], specular[3];  // `direction` points to the light.
   int has_shadow;
 };
 
 struct Eye {
-  float position[3], rotation[9], slope;  // Of the upper edge of the image.
+  float position[3], rotation[9], slope;  // `slope`: of the upper edge of the image.
 };
 
 struct Texture {
-  unsigned long long texels;  // Address of RGBX; each level after the one of twice its sides.
+  unsigned long long texels;  // Address of RGBX texels; each mipmap level follows the next larger one.
   int width, height, levels, unused;
 };
 
 struct Scene {
-  int kind, num_points, num_vertices, num_triangles;  // Of what deforms.
+  int kind, num_points, num_vertices, num_triangles;  // The deformable object.
   int num_glasses, glass_vertices, glass_triangles;
   int num_solids, num_lights, num_eyes;
-  int sides, rings_per_edge;  // Of a rope.
-  int most_triangles;         // Of the surface of water, if it were made of them: else its voxels grow.
+  int sides, rings_per_edge;  // Rope only.
+  int most_triangles;         // Limit of an equivalent mesh of the water surface, beyond which voxels grow.
   float inflate, radius, spacing, voxel;
   float ambient[3], headlight[3];
-  Material material;  // Of what deforms.
+  Material material;  // The deformable object.
   int glasses, solids, lights, eyes, textures, sky;
   // Of vertices: weights of points, triangles around it; of triangles: vertices; those of glasses follow.
   int weight_starts, weight_points, weights, around_starts, around, triangles, texcoords, glass_places, glass_normals;
@@ -81,53 +81,54 @@ struct Scene {
   }
 };
 
-// Pictures of many environments. Each array has a row for an environment.
+// Batch of images. Each array has a row per environment.
 struct Batch {
   long long num_envs, num_slots, most_points, num_movers, num_eyes, height, width, samples, what, memory_size;
-  const char* const* scenes;  // (num_envs,) a Scene each, or null: not drawn.
+  const char* const* scenes;  // (num_envs,) Scenes; environments with null are not rendered.
   char* memory;               // (num_slots, memory_size)
   const double* points;       // (num_envs, most_points, 3)
   const double* poses;        // (num_envs, num_movers, 7) positions and quaternions
-  int* begun;                 // How many have been begun on a GPU,
-  const int* order;           // (num_envs,) in which order,
-  long long* cost;            // and what each took there, in cycles.
+  int* begun;                 // Number of environments begun on a GPU.
+  const int* order;           // (num_envs,) Their order.
+  long long* cost;            // (num_envs,) GPU cycles of the last images.
   unsigned char* colors;      // (num_envs, num_eyes, height, width, 3)
   float* distances;           // (num_envs, num_eyes, height, width)
   unsigned char* labels;      // likewise
 };
 
-// Where a mover or a solid is, and how far the latter reaches.
+// Pose of a mover or a solid, and bounding radius of the latter.
 struct Pose {
   Point position;
   float rotation[9], reach;
   bool is_turned;
 };
 
-// What one environment is drawn with.
+// Memory for the images of one environment.
 struct Canvas {
   const Scene* scene;
   const double *points, *poses;
-  int width, height, samples;  // In samples: of an image, and along a side of a pixel.
-  // Vertices of what deforms, then of glasses: places and normals; their image, in 1/256 of a sample, and 1 / distance.
+  int width, height, samples;  // Size of an image in samples, and samples along a side of a pixel.
+  // Vertices of the deformable object, then of glass: positions, normals, image points [1/256 of a sample] and
+  // 1 / distance.
   Point *places, *normals;
   int* image;
   float* nearness;
-  Pose* frames;  // Of solids.
-  // Nearest triangles in each sample, distance and number: of what deforms, then panes of glass one after the other.
+  Pose* frames;  // Poses of solids.
+  // Nearest triangles in each sample, distance and index: of the deformable object, then layers of glass.
   Key* nearest;
-  float* shadows;  // (kMostShadows, kShadowTexels) how near to the light something is.
-  float* bounds;   // (kMostShadows, 4) of what throws shadows, across the light.
+  float* shadows;  // (kMostShadows, kShadowTexels) Shadow maps.
+  float* bounds;   // (kMostShadows, 4) Bounds of shadow casters perpendicular to the light.
   Ring* rings;
   Vector *surface, *out;
-  // Water: particles by buckets, places in voxels, cells and kernels in this order.
+  // Water: particles by buckets; positions in voxels, cells and kernels in this order.
   int *bucket_starts, *bucket_ends, *in_buckets;
   Vector* centres;
   unsigned long long* cells;
   KernelShape* kernels;
-  // The number of each block, or -1; which those are that have one, and last how many; weights of the water in these,
-  // in units of kUnit; the cells at whose corners there is some, as bits, and how many of these.
+  // Index of each block, or -1; list of blocks with water, and last their number; weights in these blocks [kUnit];
+  // cells with water at a corner, as bits, and their number.
   int *blocks, *wet, *weights, *crossed, *num_crossed;
-  int* low_block;  // (3,) of those that have water,
+  int* low_block;  // (3,) Lowest block with water,
   int* high_block;
   int* partial;
   float voxel;
@@ -144,7 +145,7 @@ inline Point Direction(const Point& a) {
   const float length = sqrtf(Dot(a, a));
   return length > 0 ? 1 / length * a : Point{0, 0, 1};
 }
-// By a matrix of rows, and by its transpose.
+// Multiplies by a row-major matrix, and by its transpose.
 inline Point Turned(const float* m, const Point& a) {
   return {m[0] * a.x + m[1] * a.y + m[2] * a.z, m[3] * a.x + m[4] * a.y + m[5] * a.z,
           m[6] * a.x + m[7] * a.y + m[8] * a.z};
@@ -170,7 +171,7 @@ inline Pose PoseOf(const Canvas& c, int mover) {
 inline int CapRings(const Scene& s) { return s.sides / 4 > 2 ? s.sides / 4 : 2; }
 inline int TubeRings(const Scene& s) { return (s.num_points - 1) * s.rings_per_edge + 1 + 2 * CapRings(s); }
 
-// Takes a canvas for images of (height, width) pixels from a memory.
+// Allocates a canvas for images of (height, width) pixels.
 inline void TakeCanvas(const Scene& s, long long height, long long width, long long samples, Memory* memory,
                        Canvas* c) {
   const long long vertices = s.num_vertices + s.glass_vertices, pixels = height * width * samples * samples;
@@ -207,7 +208,7 @@ inline void TakeCanvas(const Scene& s, long long height, long long width, long l
   }
 }
 
-// The same bits as another type.
+// Reinterprets the bits as another type.
 template <class To, class From>
 inline To Reread(From from) {
   union {

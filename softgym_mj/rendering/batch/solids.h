@@ -1,4 +1,4 @@
-// Boxes, balls and cylinders of a picture: where rays hit them.
+// Intersection of rays with boxes, spheres and cylinders.
 
 #ifndef SOFTGYM_MJ_RENDERING_BATCH_SOLIDS_H_
 #define SOFTGYM_MJ_RENDERING_BATCH_SOLIDS_H_
@@ -11,9 +11,9 @@ namespace {
 constexpr float kFar = 1e9f;
 
 struct Hit {
-  float distance;  // In lengths of the ray's direction; kFar: none.
-  Point normal;    // In the solid's frame,
-  Point at;        // where it is, in that frame.
+  float distance;  // In lengths of the ray's direction; kFar means none.
+  Point normal;    // Normal in the solid's frame.
+  Point at;        // Position in that frame.
 };
 
 // Whether a ray comes near a solid; `margin`: per distance along the ray.
@@ -24,7 +24,7 @@ inline bool ComesNear(const Pose& frame, const Point& from, const Point& along, 
   return way * sqrtf(square) > -reach && Dot(to, to) - way * way * square <= reach * reach;
 }
 
-// `scales`: 1 / along, of each part of it.
+// Intersects a box. `scales`: componentwise 1 / along.
 inline Hit HitBox(const float* size, const Point& from, const Point& along, const Point& scales) {
   const float at[3] = {from.x, from.y, from.z}, by[3] = {along.x, along.y, along.z};
   const float scale[3] = {scales.x, scales.y, scales.z};
@@ -74,7 +74,7 @@ inline Hit HitCylinder(const float* size, const Point& from, const Point& along)
   return hit;
 }
 
-// With solid `i`; `scales`: `Inverse(along)`.
+// Intersects solid `i`. `scales`: `Inverse(along)`.
 inline Hit HitSolid(const Canvas& c, int i, const Point& start, const Point& along, const Point& scales) {
   const Solid& solid = c.scene->At<Solid>(c.scene->solids)[i];
   const Pose& frame = c.frames[i];

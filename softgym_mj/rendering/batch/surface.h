@@ -1,4 +1,4 @@
-// The surface of water in a picture: where it weighs half as much as inside. Rays look for it; there is no mesh.
+// Water surface by ray marching: the isosurface at half of the inner weight, without a mesh.
 
 #ifndef SOFTGYM_MJ_RENDERING_BATCH_SURFACE_H_
 #define SOFTGYM_MJ_RENDERING_BATCH_SURFACE_H_
@@ -8,17 +8,17 @@
 namespace softgym_mj::pictures {
 namespace {
 
-constexpr float kStep = 0.5f;      // [voxels] Along a ray.
-constexpr float kEndless = 1e30f;  // In place of 1 / 0.
-constexpr int kSecants = 3;        // To where it enters the water.
+constexpr float kStep = 0.5f;      // [voxels] Step along a ray.
+constexpr float kEndless = 1e30f;  // Replaces 1 / 0.
+constexpr int kSecants = 3;        // Secant iterations to the surface.
 
-// Between the points of the grid, in voxels.
+// Trilinear interpolation of the weight at a point [voxels].
 inline float WeightAt(const Canvas& c, const Point& p) {
   const float fx = floorf(p.x), fy = floorf(p.y), fz = floorf(p.z);
   const int x = static_cast<int>(fx), y = static_cast<int>(fy), z = static_cast<int>(fz);
   const float u = p.x - fx, v = p.y - fy, w = p.z - fz;
   float corner[8];
-  if ((x & 7) < 7 && (y & 7) < 7 && (z & 7) < 7) {  // All in one block.
+  if ((x & 7) < 7 && (y & 7) < 7 && (z & 7) < 7) {  // All corners are in one block.
     const int block = WetBlock(c, x >> 3, y >> 3, z >> 3);
     if (block < 0) return 0;
     const int* own = c.weights + block * kVoxels + VoxelOf(x, y, z);
@@ -34,14 +34,14 @@ inline float WeightAt(const Canvas& c, const Point& p) {
   return between(low, high, w);
 }
 
-// Where a ray from `start` enters the water, in (near, far) [lengths of `along`]; `far` if nowhere. `comes_near`: set
-// if there is water in a cell on its way.
+// Distance in (near, far) [lengths of `along`] at which a ray from `start` enters the water; `far` if it does not.
+// `comes_near`: set if a cell on its path contains water.
 inline float EnterWater(const Canvas& c, const Point& start, const Point& along, float near, float far,
                         bool* comes_near = nullptr) {
   const float nowhere = far;
   const float scale = 1 / c.voxel;
   const Point from = scale * start, step = scale * along;
-  // Within the box around what has water.
+  // Clips the ray to the bounding box of water.
   float low[3], high[3];
   for (int k = 0; k < 3; ++k) {
     low[k] = 8.0f * static_cast<float>(c.low_block[k]);
@@ -54,7 +54,7 @@ inline float EnterWater(const Canvas& c, const Point& start, const Point& along,
     const float a = (low[k] - at[k]) * scales[k], b = (high[k] - at[k]) * scales[k];
     near = std::max(near, std::min(a, b)), far = std::min(far, std::max(a, b));
   }
-  // Where a ray leaves a cube of the grid.
+  // Distance at which the ray leaves a cube of the grid.
   const auto leave = [&](const int* cube, float side) {
     float t = far;
     for (int k = 0; k < 3; ++k) {

@@ -1,4 +1,4 @@
-// Water in a picture: the weights of kernels around its particles on a grid, as in fluid/plugin/surface.cc.
+// Water of the batch renderer: kernel weights of particles on a grid, as in fluid/plugin/surface.cc.
 
 #ifndef SOFTGYM_MJ_RENDERING_BATCH_WATER_H_
 #define SOFTGYM_MJ_RENDERING_BATCH_WATER_H_
@@ -8,10 +8,10 @@
 namespace softgym_mj::pictures {
 namespace {
 
-constexpr float kUnit = 1.0f / (1 << 20);  // Of weights: sums of whole numbers are the same in any order.
-constexpr double kMostCells = 1e6;         // As there.
-constexpr float kCoarser = 1.4f;           // Growth of voxels until they lie in the memory.
-constexpr int kMostTries = 48;             // Voxels are then as large as the space in which particles are drawn.
+constexpr float kUnit = 1.0f / (1 << 20);  // Unit of weights: integer sums do not depend on the order.
+constexpr double kMostCells = 1e6;         // The same number as in surface.cc.
+constexpr float kCoarser = 1.4f;           // Growth of voxels until they fit into the memory.
+constexpr int kMostTries = 48;             // After this many growths, voxels are as large as the rendered space.
 
 inline long long CellOf(double x, double side) { return static_cast<long long>(floor(x / side)); }
 inline int BucketOf(long long x, long long y, long long z) {
@@ -24,20 +24,20 @@ inline bool IsNear(const double* x, double side) {
   return true;
 }
 
-// Which of the blocks that are kept a block of voxels is; -1 where none is.
+// Index of the stored block at block coordinates; -1 if none is stored.
 inline int BlockAt(int x, int y, int z) {
   x += kBlocksX / 2, y += kBlocksX / 2, z += kBlocksZ / 4;
   const bool within = x >= 0 && x < kBlocksX && y >= 0 && y < kBlocksX && z >= 0 && z < kBlocksZ;
   return within ? (z * kBlocksX + y) * kBlocksX + x : -1;
 }
 
-// Where that block is: the inverse.
+// Coordinates of a stored block: the inverse of BlockAt.
 inline void PlaceOfBlock(int block, int at[3]) {
   at[0] = block % kBlocksX - kBlocksX / 2, at[1] = block / kBlocksX % kBlocksX - kBlocksX / 2,
   at[2] = block / kBlocksX / kBlocksX - kBlocksZ / 4;
 }
 
-// Sorts particles into buckets of cells in which neighbors are, and finds their kernels.
+// Sorts particles into hash buckets of cells, and computes their kernels.
 inline void FindKernels(const Canvas& c) {
   const Scene& s = *c.scene;
   const double voxel = c.voxel, spacing = s.spacing / voxel, side = kNear * spacing;
@@ -92,7 +92,7 @@ inline void FindKernels(const Canvas& c) {
   });
 }
 
-// Points of the grid that a kernel reaches, and `around` of them.
+// Range of grid points within a kernel, with a margin of `around` points.
 struct Reach {
   int low[3], high[3];
 
@@ -104,7 +104,7 @@ struct Reach {
   }
 };
 
-// Numbers the blocks in which there is water; whether they lie in the memory.
+// Numbers the blocks with water; returns whether they fit into the memory.
 inline bool FindBlocks(const Canvas& c, int growths) {
   Each(kBlocks, [&](int i) { c.blocks[i] = 0; });
   Each(c.bucket_starts[kBuckets], [&](int i) {
@@ -172,7 +172,7 @@ inline void Weigh(const Canvas& c, int growths) {
   });
 }
 
-// The number of a block that has water, from 0 on, or -1.
+// Index of a block with water, or -1.
 inline int WetBlock(const Canvas& c, int x, int y, int z) {
   const int block = BlockAt(x, y, z);
   return block < 0 ? -1 : c.blocks[block];
@@ -183,8 +183,8 @@ inline float WeightAt(const Canvas& c, int x, int y, int z) {
   return block < 0 ? 0 : kUnit * static_cast<float>(c.weights[block * kVoxels + VoxelOf(x, y, z)]);
 }
 
-// Finds the cells in which there may be water. Whether the surface, made of triangles, would have no more than it may:
-// as of a closed one, two for each side of a voxel that goes into the water.
+// Finds the cells that may contain water. Returns whether an equivalent closed mesh, with two triangles per voxel face
+// at the surface, would stay within the limit.
 inline bool FindCells(const Canvas& c) {
   const int count = c.wet[kMostBlocks];
   Once([&] { c.partial[0] = 0; });
