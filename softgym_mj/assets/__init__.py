@@ -1,8 +1,8 @@
-"""Files the package ships: MJCF models and settled initial states."""
+"""Shipped files: MJCF models and settled initial states."""
 
 from importlib import resources
 
 
 def path(*parts: str) -> str:
-    """Path of a shipped file, for example `path("arena.xml")`."""
+    """Returns the path of a shipped file, for example `path("arena.xml")`."""
     return str(resources.files(__name__).joinpath(*parts))

@@ -1,4 +1,4 @@
-"""What differs from episode to episode: initial states by index, and physical parameters."""
+"""Variations between episodes: initial states by index, and physical parameters."""
 
 from softgym_mj.variations.indices import NUM_VARIATIONS, SPLITS, Start, generator
 from softgym_mj.variations.store import VariationStore

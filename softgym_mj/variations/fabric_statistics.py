@@ -1,15 +1,15 @@
-"""Fabrics that are drawn as they occur: density, bending stiffness and its ratio go together.
+"""Random fabrics with realistic, correlated density, bending stiffness and anisotropy.
 
-Of 618 fabrics that Feng et al. measured with a cantilever (Learning-based bending stiffness
-parameter estimation by a drape tester, 2022) these are statistics, not the table.
+They follow statistics of 618 fabrics that Feng et al. measured with a cantilever (Learning-based
+bending stiffness parameter estimation by a drape tester, 2022).
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 
-# Densities [g/m^2] up to which each band goes, from the first one on; how many of the fabrics are
-# in it; bending stiffness [uN m] that 10, 50 and 90 % of these stay below.
+# Density bands [g/m^2], number of fabrics in each, and 10, 50 and 90 % quantiles of their bending
+# stiffness [uN m].
 LEAST_DENSITY = 15.0
 BANDS = (
     (60.0, 63, (0.7, 1.3, 7.3)),
@@ -21,13 +21,13 @@ BANDS = (
     (870.0, 71, (19.0, 51.0, 116.0)),
 )
 BENDING_SHARES = (0.1, 0.5, 0.9)
-# Stiffness along the warp over that along the weft, that 5, 50 and 95 % stay below.
+# 5, 50 and 95 % quantiles of the ratio of warp and weft stiffness.
 RATIO_SHARES, RATIOS = (0.05, 0.5, 0.95), (0.4, 1.5, 4.6)
-# Nobody published these of the fabrics: between a sheet along the flow and more than a plate across
-# it, and from polished tables to rough ones. They are assumed.
+# No data is published for these: assumed ranges from a sheet along the flow to more than a plate
+# across it, and from polished to rough tables.
 DRAGS, FRICTIONS = (0.8, 2.0), (0.2, 1.0)
 
-# Domain parameters that are drawn together, and within what; the ratio is in `bend_weft`.
+# Domain parameters that are drawn together, and their ranges; the ratio is in `bend_weft`.
 _BENDING = (BANDS[0][2][0] * 1e-6, BANDS[-1][2][2] * 1e-6)
 RANGES = {
     "density": (LEAST_DENSITY * 1e-3, BANDS[-1][0] * 1e-3),
@@ -41,10 +41,10 @@ RANGES = {
 
 
 def draw(random: np.random.Generator) -> dict[str, float]:
-    """A fabric, as domain parameters by name (those of `RANGES`).
+    """Draws a fabric: domain parameters by name (those of `RANGES`).
 
-    A band by how many fabrics are in it, a density in it, evenly in its logarithm, and a stiffness
-    that the middle 80 % of the band have; ratio of warp and weft of the middle 90 % of all. The
+    A band is drawn by its number of fabrics, a density in it log-uniformly, a stiffness within the
+    middle 80 % of the band, and a ratio of warp and weft within the middle 90 % of all. The
     stiffness is their geometric mean, and that at 45 degrees.
     """
     counts = np.array([count for _, count, _ in BANDS], float)
@@ -66,9 +66,9 @@ def draw(random: np.random.Generator) -> dict[str, float]:
 
 
 def _quantile(fraction: float, shares: Sequence[float], values: Sequence[float]) -> float:
-    """What a fraction (0..1) of those between the first and the last of some shares stay below.
+    """Returns the quantile of a fraction (0..1) between the first and the last given share.
 
-    In between, shares grow evenly with the logarithm.
+    In between, shares are linear in the logarithm.
     """
     share = shares[0] + fraction * (shares[-1] - shares[0])
     return float(np.exp(np.interp(share, shares, np.log(values))))

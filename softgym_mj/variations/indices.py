@@ -1,8 +1,7 @@
-"""Variations by index: splits, random generators, what produces their start states.
+"""Variations by index: splits, random generators, and the interface of start states.
 
-A variation is an index 0..999 of a `Start`. Everything random in it comes from a generator
-seeded with a hash of the start's name and that index, so it is the same on every machine
-and whatever was generated before.
+A variation is an index 0..999 of a `Start`. Its random numbers come from a generator seeded with a
+hash of the start's name and that index, so it is the same on every machine and in any order.
 """
 
 import hashlib
@@ -23,37 +22,37 @@ SPLITS = {
 
 
 class Start(Protocol):
-    """Produces the start states of a family of variations; picklable."""
+    """Source of the start states of a family of variations; picklable."""
 
     @property
     def name(self) -> str:
-        """Of the set of states; part of file names."""
+        """Name of the set of states, part of file names."""
 
     @property
     def parameters(self) -> dict[str, object]:
-        """Everything, JSON-able, that changes the generated states."""
+        """JSON-able parameters that determine the generated states."""
         ...
 
     @property
     def max_points(self) -> int:
-        """Most points of any variation."""
+        """Largest number of points in any variation."""
         ...
 
     def sizes(self, index: int) -> Sequence[Any]:
-        """What the objects of a task are resized to in a variation: of the first ones, in order."""
+        """Returns the sizes of a task's first objects in a variation, in order."""
         ...
 
     def generate(self, index: int) -> np.ndarray:
-        """Settled vertex positions (n, 3) [m] of a variation; a pure function of `index`."""
+        """Returns settled vertices (n, 3) [m] of a variation; a pure function of `index`."""
         ...
 
     def generate_all(self, indices: Sequence[int], device: Device) -> list[np.ndarray]:
-        """What `generate` makes of each (n, 3) [m], all together on a device."""
+        """Returns settled vertices (n, 3) [m] of several variations, simulated on a device."""
         ...
 
 
 def check_variation(index: object) -> int:
-    """The index as int.
+    """Returns the index as int.
 
     Raises:
         InvalidArgumentError: if it is not a whole number in 0..999.
@@ -62,7 +61,7 @@ def check_variation(index: object) -> int:
 
 
 def split_indices(split: str | Sequence[int]) -> Sequence[int]:
-    """Variation indices of a split.
+    """Returns the variation indices of a split.
 
     Args:
         split: "train" (0..799), "evaluate" (800..999), "all" or at least one index.
@@ -77,13 +76,13 @@ def split_indices(split: str | Sequence[int]) -> Sequence[int]:
 
 
 def generator(name: str, index: int) -> np.random.Generator:
-    """The random generator of variation `index` of the family `name`."""
+    """Returns the random generator of variation `index` of the family `name`."""
     digest = hashlib.sha256(f"softgym_mj/{name}/{check_variation(index)}".encode()).digest()
     return np.random.default_rng(int.from_bytes(digest[:16], "little"))
 
 
 def check_settings(settings: Mapping[str, Any]) -> None:
-    """Raises `InvalidArgumentError` for settings that say what is played, as the variations do."""
+    """Raises `InvalidArgumentError` for settings that variations determine."""
     for name in ("split", "random_state"):
         if name in settings:
             valid = f"arguments of the task; not {name!r}, the variations say what is played"

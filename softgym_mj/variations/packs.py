@@ -1,4 +1,4 @@
-"""Packs: the start states of all variations in one file, as shipped in the package."""
+"""Packs: start states of all variations in one file, as shipped in the package."""
 
 import functools
 import hashlib
@@ -14,7 +14,7 @@ from softgym_mj import assets
 from softgym_mj.exceptions import StoreError
 from softgym_mj.storage.files import read_whole, write_whole
 
-# What numpy and zipfile raise on a file that is not a whole npz of ours.
+# Errors of numpy and zipfile for an invalid npz.
 _UNREADABLE = (
     OSError, ValueError, KeyError, TypeError, EOFError, RuntimeError,
     zipfile.BadZipFile, zlib.error,
@@ -23,7 +23,7 @@ _UNREADABLE = (
 
 @functools.cache
 def shipped(name: str, specification: str) -> list[np.ndarray] | None:
-    """The shipped states of a start; None if there are none of this specification."""
+    """Returns the shipped states of a start; None if there are none of this specification."""
     file = pathlib.Path(assets.path("variations", f"{name}.npz"))
     if not file.exists() or str(*_read(file, "specification")) != specification:
         return None
@@ -40,7 +40,7 @@ def _read(file: pathlib.Path, *names: str) -> list[np.ndarray]:
 
 
 def corrupt(file: pathlib.Path, reason: str) -> StoreError:
-    """The error for a file of start states."""
+    """Returns the error for a file of start states."""
     return StoreError(
         f"{file} is not a valid store of initial states ({reason}). Generate it again with "
         "`softgym-mj generate TASK`, which replaces invalid files and keeps valid ones."
@@ -70,7 +70,7 @@ def write_pack(file: pathlib.Path, states: Sequence[np.ndarray], specification: 
 
 
 def read_pack(file: pathlib.Path, specification: str) -> list[np.ndarray]:
-    """Reads what `write_pack` wrote: a list of (n, 3) float64 arrays [m].
+    """Reads a file of `write_pack`: a list of (n, 3) float64 arrays [m].
 
     Raises:
         StoreError: if it is truncated, altered or of another specification.

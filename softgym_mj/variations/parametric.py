@@ -1,4 +1,4 @@
-"""`Parametric`: the parts of a scene that have domain parameters in their model."""
+"""`Parametric`: base of the parts of a scene with domain parameters."""
 
 import abc
 import functools
@@ -8,7 +8,7 @@ from softgym_mj.variations.randomization import Parameter
 
 
 class Parametric(abc.ABC):
-    """A part of a scene with domain parameters, an `Adjustable`.
+    """Part of a scene with domain parameters, an `Adjustable`.
 
     Attributes:
         parameters: its domain parameters.
@@ -18,7 +18,7 @@ class Parametric(abc.ABC):
 
     @functools.cached_property
     def _values(self) -> dict[str, float]:
-        """The domain parameters by name: nominal at first."""
+        """Values of the domain parameters by name, initially nominal."""
         return {parameter.name: parameter.nominal for parameter in self.parameters}
 
     @abc.abstractmethod
@@ -26,7 +26,7 @@ class Parametric(abc.ABC):
         """Writes `_values` into the model."""
 
     def adjust(self, values: Mapping[str, float]) -> bool:
-        """Sets the domain parameters; True when the model changed and must be recompiled."""
+        """Sets the domain parameters; returns True if the model changed and must be recompiled."""
         if values == self._values:
             return False
         self._values = dict(values)

@@ -1,8 +1,8 @@
 """Domain parameters: what a variation may change besides the initial state.
 
-A task's `domain` says which numbers of its scene vary, and how far. Each is drawn anew for every
-variation, from a generator seeded with the parameter's name and the variation's index: the same
-index gives the same scene on every machine, whichever other parameters vary.
+A task's `domain` sets which parameters of its scene vary, and their ranges. Each is drawn for every
+variation from a generator seeded with the parameter's name and the variation's index: an index
+gives the same scene on every machine, whichever other parameters vary.
 """
 
 import colorsys
@@ -22,7 +22,7 @@ PRESETS = {
     "in_distribution": "every parameter within its usual range",
     "out_of_distribution": "every parameter outside of its usual range, within the valid one",
 }
-FABRICS = "fabrics"  # Instead of a preset: sheets of fabrics as they occur.
+FABRICS = "fabrics"  # Instead of a preset: sheets of random fabrics.
 KINDS = {
     "physics": "what is felt",
     "visual": "what is only seen, in images",
@@ -32,17 +32,17 @@ KINDS = {
 
 @dataclasses.dataclass(frozen=True)
 class Parameter:
-    """A number of the scene that may vary.
+    """Parameter of the scene that may vary.
 
     Attributes:
         name: its name.
         unit: its unit.
-        nominal: its value unless a domain says otherwise.
-        usual: range of the preset "in_distribution"; if that is the nominal value alone, presets
-            leave it there.
-        valid: range within which it is accepted and the simulation was tried.
-        summary: what it is.
-        kind: of which of the `KINDS` it is.
+        nominal: default value.
+        usual: range of the preset "in_distribution"; presets leave a parameter nominal if this is
+            the nominal value alone.
+        valid: accepted range, in which the simulation was tested.
+        summary: description.
+        kind: one of `KINDS`.
     """
 
     name: str
@@ -54,7 +54,7 @@ class Parameter:
     kind: str = "physics"
 
     def ranges(self, setting: object) -> tuple[Range, ...]:
-        """The ranges to draw from.
+        """Returns the ranges to draw from.
 
         Args:
             setting: a number, a pair (low, high) or one of `PRESETS`.
@@ -68,7 +68,7 @@ class Parameter:
                 return ((self.nominal, self.nominal),)
             if setting == "in_distribution":
                 return (self.usual,)
-            if self.usual == (self.nominal, self.nominal):  # Only what is named varies.
+            if self.usual == (self.nominal, self.nominal):  # It varies only by name.
                 return (self.usual,)
             outside = ((self.valid[0], self.usual[0]), (self.usual[1], self.valid[1]))
             return tuple((low, high) for low, high in outside if low < high)
@@ -84,9 +84,9 @@ class Parameter:
         return ((low, high),)
 
     def at(self, fraction: float, ranges: Sequence[Range]) -> float:
-        """The value at a fraction in 0..1 of the ranges' whole length.
+        """Returns the value at a fraction in 0..1 of the ranges' total length.
 
-        That is measured in the logarithm of what is positive by nature.
+        Positive parameters are interpolated in their logarithm.
         """
         forth, back = (math.log, math.exp) if self.valid[0] > 0.0 else (float, float)
         scaled = [(forth(low), forth(high)) for low, high in ranges]
@@ -107,7 +107,7 @@ def scaled(
     summary: str,
     kind: str = "physics",
 ) -> Parameter:
-    """A positive parameter that varies by the factors `usual` and `valid`, down and up."""
+    """Returns a positive parameter that varies by the factors `usual` and `valid`, down and up."""
     within, accepted = ((nominal / factor, nominal * factor) for factor in (usual, valid))
     return Parameter(name, unit, nominal, within, accepted, summary, kind)
 
@@ -115,14 +115,15 @@ def scaled(
 def shifted(
     name: str, unit: str, usual: float, valid: float, summary: str, kind: str = "physics"
 ) -> Parameter:
-    """A parameter that is nominally 0 and varies by `usual` and `valid`, down and up."""
+    """Returns a parameter that is nominally 0 and varies by +-`usual` and +-`valid`."""
     return Parameter(name, unit, 0.0, (-usual, usual), (-valid, valid), summary, kind)
 
 
 def chosen(name: str, choices: Sequence[str], usual: int, summary: str) -> Parameter:
-    """A visual parameter whose whole part chooses; the first is nominal, the first few are usual.
+    """Returns a visual parameter whose integer part selects a choice; the first is nominal.
 
-    What is random about a choice, `choice` derives from the parts after the point.
+    The first `usual` choices are in distribution. `choice` derives further randomness from the
+    fractional part.
     """
     listed = ", ".join(f"{i} {choice}" for i, choice in enumerate(choices))
     valid = (0.0, float(len(choices)))
@@ -130,7 +131,7 @@ def chosen(name: str, choices: Sequence[str], usual: int, summary: str) -> Param
 
 
 def choice(value: float, number: int) -> tuple[int, int]:
-    """Which of `number` things the whole part of a value chooses, and a seed from the rest."""
+    """Returns the selected one of `number` choices, and a seed from the fractional part."""
     index = min(int(value), number - 1)
     return index, int((value - index) * 2**32)
 
@@ -138,12 +139,12 @@ def choice(value: float, number: int) -> tuple[int, int]:
 def tinted(
     color: Sequence[float], hue: float = 0.0, saturation: float = 0.0, brightness: float = 1.0
 ) -> tuple[float, ...]:
-    """A colour (r, g, b) or (r, g, b, a) in 0..1 made another one; the same one by default.
+    """Returns a changed color (r, g, b) or (r, g, b, a) in 0..1; unchanged by default.
 
     Args:
-        color: the colour.
-        hue: by which it is turned [deg].
-        saturation: that is added to its own, in 0..1.
+        color: the color.
+        hue: rotation of the hue [deg].
+        saturation: added to the saturation, in 0..1.
         brightness: factor.
     """
     if (hue, saturation, brightness) == (0.0, 0.0, 1.0):
@@ -154,39 +155,39 @@ def tinted(
 
 
 class Adjustable(Protocol):
-    """A part of a scene that has parameters."""
+    """Part of a scene with parameters."""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """What may vary."""
+        """Parameters that may vary."""
         ...
 
     def adjust(self, values: Mapping[str, float]) -> bool:
-        """Sets all parameters; True when the model changed and must be recompiled."""
+        """Sets all parameters; returns True if the model changed and must be recompiled."""
         ...
 
 
 class Prefixed:
-    """A part whose parameters have names that begin with its own: one of several in a scene.
+    """Part whose parameters' names have a prefix: one of several in a scene.
 
     Attributes:
-        parameters: what may vary.
+        parameters: parameters that may vary.
     """
 
     def __init__(self, part: Adjustable, prefix: str):
-        """The part, with `prefix` and an underscore before the names of its parameters."""
+        """Prefixes the names of a part's parameters with `prefix` and an underscore."""
         self._part = part
         self._names = {f"{prefix}_{p.name}": p.name for p in part.parameters}
         renamed = zip(part.parameters, self._names, strict=True)
         self.parameters = tuple(dataclasses.replace(p, name=name) for p, name in renamed)
 
     def adjust(self, values: Mapping[str, float]) -> bool:
-        """Sets all parameters; True when the model changed and must be recompiled."""
+        """Sets all parameters; returns True if the model changed and must be recompiled."""
         return self._part.adjust({own: values[name] for name, own in self._names.items()})
 
 
 def _sheets(named: Mapping[str, Parameter]) -> tuple[str, ...]:
-    """What the names of parameters begin with, of each sheet that has all of a fabric's.
+    """Returns the prefixes of parameters for each sheet that has all of a fabric's.
 
     Raises:
         InvalidArgumentError: if there is no sheet.
@@ -199,13 +200,13 @@ def _sheets(named: Mapping[str, Parameter]) -> tuple[str, ...]:
 
 
 class DomainRandomization:
-    """Which parameters of the parts of a scene vary, and how far.
+    """Parameters of a scene that vary, and their ranges.
 
     Attributes:
         parameters: all of the scene, whether they vary or not.
-        ranges: what the value of each parameter is drawn from.
+        ranges: ranges from which each parameter is drawn.
         varying: names of the parameters that are not nominal in every variation.
-        values: the current value of every parameter.
+        values: current value of every parameter.
     """
 
     def __init__(self, setting: str | Mapping[str, object], parts: Sequence[Adjustable]):
@@ -213,10 +214,10 @@ class DomainRandomization:
 
         Args:
             setting: one of `PRESETS` for all parameters, or a dict from names of parameters to a
-                number, a pair (low, high) or a preset, and from `KINDS` to a preset for those of
-                the kind that are not named; the others stay nominal. "fabrics", or that for
-                "physics", draws the parameters of `fabric_statistics` together, of each sheet.
-            parts: what has parameters.
+                number, a pair (low, high) or a preset, and from `KINDS` to a preset for the unnamed
+                parameters of the kind; others stay nominal. "fabrics", or {"physics": "fabrics"},
+                draws the parameters of `fabric_statistics` together, for each sheet.
+            parts: parts of the scene with parameters.
 
         Raises:
             InvalidArgumentError: for a bad name or value; for fabrics without a sheet.
@@ -244,7 +245,7 @@ class DomainRandomization:
             raise InvalidArgumentError("domain", setting, choices)
         self.parameters = tuple(named.values())
         self.ranges = {p.name: p.ranges(settings[p.name]) for p in self.parameters}
-        # What is named itself is drawn as it says.
+        # Named parameters override the fabric's.
         self._drawn = {
             sheet: {
                 own: sheet + own
@@ -262,7 +263,7 @@ class DomainRandomization:
         self.values = {p.name: p.nominal for p in self.parameters}
 
     def draw(self, variation: int) -> dict[str, float]:
-        """The value of every parameter in a variation."""
+        """Returns the value of every parameter in a variation."""
         values = {
             p.name: p.at(generator(f"domain/{p.name}", variation).random(), self.ranges[p.name])
             for p in self.parameters
@@ -273,7 +274,7 @@ class DomainRandomization:
         return values
 
     def apply(self, variation: int) -> bool:
-        """Sets the parameters for a variation; True when the model must be recompiled."""
+        """Sets the parameters of a variation; returns True if the model must be recompiled."""
         self.values = self.draw(variation)
         changed = [
             part.adjust({p.name: self.values[p.name] for p in part.parameters})

@@ -1,6 +1,7 @@
-"""`VariationStore`: start states that take simulation to settle, generated once.
+"""`VariationStore`: start states that are generated once by simulation and then stored.
 
-First comes the set shipped in the package, then the user's cache, one file a variation.
+It looks in the set shipped in the package, then in the user's cache, which has one file a
+variation.
 """
 
 import functools
@@ -19,7 +20,8 @@ from softgym_mj.storage.store import ARRAYS, Key, Store
 from softgym_mj.variations import packs
 from softgym_mj.variations.indices import NUM_VARIATIONS, Start, check_variation
 
-_MUJOCO_SERIES = ".".join(mujoco.__version__.split(".")[:2])  # Results change between minors.
+# Results change between minor releases.
+_MUJOCO_SERIES = ".".join(mujoco.__version__.split(".")[:2])
 
 _log = logging.getLogger(__name__)
 _NOTICE = (
@@ -29,7 +31,7 @@ _NOTICE = (
 )
 
 
-_MOST = 250  # That are generated together.
+_MOST = 250  # Largest number of variations that are generated together.
 
 
 def _together(start: Start, device: Device, calls: Sequence[tuple[int]]) -> list[np.ndarray]:
@@ -37,7 +39,7 @@ def _together(start: Start, device: Device, calls: Sequence[tuple[int]]) -> list
 
 
 class VariationStore(Store):
-    """Settled start states (n, 3) [m] by variation, generated where missing."""
+    """Settled start states (n, 3) [m] by variation, generated if missing."""
 
     def __init__(self, start: Start):
         specification = {
@@ -50,7 +52,7 @@ class VariationStore(Store):
         self._start = start
 
     def load(self, index: int) -> np.ndarray:
-        """Vertex positions (n, 3) [m] of a variation; generated and stored if missing.
+        """Returns vertices (n, 3) [m] of a variation; generates and stores them if missing.
 
         Raises:
             StoreError: if the file is truncated, altered, of another specification or of another
@@ -61,17 +63,17 @@ class VariationStore(Store):
         if states is not None:
             return states[index].copy()
         if not self.has(index):
-            level = logging.INFO if self.is_empty() else logging.DEBUG  # Once a task.
+            level = logging.INFO if self.is_empty() else logging.DEBUG  # Logged once for each task.
             _log.log(level, _NOTICE, index, self._start.name, self.folder)
             self.put(index, self._start.generate(index))
         return self.get(index)
 
     def get(self, key: Key) -> np.ndarray:
-        """Vertex positions (n, 3) [m] of a variation in the cache; errors as in `Store`."""
+        """Returns vertices (n, 3) [m] of a variation in the cache; raises the errors of `Store`."""
         return super().get(key)["points"].astype(float)
 
     def put(self, key: Key, value: np.ndarray) -> None:
-        """Keeps vertex positions (n, 3) [m], in single precision.
+        """Stores vertices (n, 3) [m], in single precision.
 
         Raises:
             StoreError: if the file cannot be written.
@@ -80,7 +82,7 @@ class VariationStore(Store):
             super().put(key, {"points": value.astype(np.float32)})
         except StoreError as error:
             raise StoreError(
-                f"{error}. Let {CACHE_VARIABLE} name a folder with space that can be written."
+                f"{error}. Set {CACHE_VARIABLE} to a writable folder with free space."
             ) from error
 
     def generate_missing(
@@ -90,17 +92,17 @@ class VariationStore(Store):
         progress: Callable[[int], None] = lambda index: None,
         device: Device | None = None,
     ) -> int:
-        """Generates what is missing or corrupt; may be killed and run again.
+        """Generates missing and corrupt states; may be interrupted and run again.
 
         Args:
             indices: variation indices.
-            executor: where they are generated, which the files do not depend on; None for this
+            executor: executor that generates them, which does not affect the files; None for this
                 process.
-            progress: called with each index when its file is there.
-            device: where many are simulated together instead; the files are the same.
+            progress: called with each index when its file exists.
+            device: device that simulates many at once instead; the files are the same.
 
         Returns:
-            How many variations were generated.
+            Number of generated variations.
         """
         function: Callable = self._start.generate
         if device is not None:

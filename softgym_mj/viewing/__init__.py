@@ -1,1 +1,1 @@
-"""Looking at tasks and playing them by hand, in MuJoCo's viewer or in a browser."""
+"""Interactive viewing and teleoperation of tasks, in MuJoCo's viewer or in a browser."""

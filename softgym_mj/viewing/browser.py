@@ -1,4 +1,4 @@
-"""A session in web browsers, by viser: for machines without a display."""
+"""`Browser`: a session in web browsers, by viser, for machines without a display."""
 
 import contextlib
 import socket
@@ -15,33 +15,33 @@ from softgym_mj.viewing.origins import check_origins, guarded
 from softgym_mj.viewing.scene import EXTRA, Scene
 from softgym_mj.viewing.session import TELEOPERATE, Session
 
-PICTURE_INTERVAL = 0.04  # [s] Between pictures: enough to look smooth, and lines may be slow.
+PICTURE_INTERVAL = 0.04  # [s] Between pictures: smooth enough for slow connections.
 TEXT_INTERVAL = 0.25  # [s] Between changes of the text.
-GRIPPER_GIZMO, CUP_GIZMO = 0.15, 0.25  # [m] Size of what is dragged.
-BACK = 0.3  # [m] Behind the camera that sees it all: the panel hides a part of it.
-YOU = "you"  # What the panel calls who teleoperates.
+GRIPPER_GIZMO, CUP_GIZMO = 0.15, 0.25  # [m] Size of the draggable gizmos.
+BACK = 0.3  # [m] Distance behind the overview camera, because the panel hides a part of the view.
+YOU = "you"  # Name of the teleoperating user in the panel.
 
 
 @contextlib.contextmanager
 def open_server(
     host: str = "127.0.0.1", port: int = 8080, allow_origin: Sequence[str] = ()
 ) -> Iterator[Any]:
-    """A `viser.ViserServer` that is stopped in the end.
+    """Context of a `viser.ViserServer`, which is stopped at its end.
 
     Args:
         host: address to listen at; "0.0.0.0" for all of this machine's.
         port: 1..65535, or 0 for any free one.
-        allow_origin: where else its page may come from, as a proxy's "https://hub.example.com":
-            see `viewing.origins`.
+        allow_origin: further origin of its page, such as a proxy's "https://hub.example.com": see
+            `viewing.origins`.
 
     Raises:
         UnavailableError: if it cannot listen there; if viser is missing.
-        InvalidArgumentError: for a port that does not exist, or an origin that is none.
+        InvalidArgumentError: for a port that does not exist, or an invalid origin.
     """
     viser = import_extra("viser", "viser", EXTRA)
     check_count("port", port, 0, 65535)
     allowed = check_origins(allow_origin)
-    # viser would take the next free port instead, unnoticed behind a tunnel.
+    # viser would silently take the next free port, which a tunnel would miss.
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -61,17 +61,17 @@ def open_server(
 
 
 class Browser:
-    """Shows a session to all browsers that look at a server; any of them may play.
+    """Shows a session to all browsers connected to a server; any of them may control it.
 
-    A gizmo at every gripper or cup is dragged to where that is to go. Events are coroutines: viser
-    runs them in order, where functions go to a pool of threads.
+    A gizmo at every gripper or cup is dragged to its target. Event handlers are coroutines, because
+    viser runs these in order, but functions in a thread pool.
     """
 
     def __init__(self, session: Session, server: Any):
         """Builds scene and panel.
 
         Args:
-            session: what is shown.
+            session: the session to show.
             server: a `viser.ViserServer`.
 
         Raises:
@@ -88,7 +88,7 @@ class Browser:
         session.on_frame = self._frame
 
     def run(self) -> None:
-        """Plays until it is interrupted."""
+        """Runs until it is interrupted."""
         with contextlib.suppress(KeyboardInterrupt):
             while True:
                 self._session.advance()
@@ -96,7 +96,7 @@ class Browser:
     # ------------------------------------------------------------------ scene
 
     def _rebuild(self) -> None:
-        """Shows another model, or other parts to be driven."""
+        """Shows another model, or other controllable parts."""
         self._scene = Scene(self._server, self._session.env.physics)
         self._driven_by = teleoperation = self._session.teleoperation
         names = () if teleoperation is None else teleoperation.names
@@ -110,7 +110,7 @@ class Browser:
         self._grips = [self._add_grip(*part) for part in enumerate(names)] if can_grip else []
 
     def _place_camera(self) -> None:
-        """Has browsers start behind the camera that sees it all."""
+        """Sets the initial view of browsers to that of the overview camera."""
         env = self._session.env
         position, axes = pose(env, "overview")
         camera = self._server.initial_camera
@@ -163,7 +163,7 @@ class Browser:
         self._grip_folder = gui.add_folder("grips")
 
         def play_as(name: str) -> None:
-            if name in players:  # Who connects may send any name, and some name code.
+            if name in players:  # A client may send any name, and some names execute code.
                 session.play(TELEOPERATE if name == YOU else name)
 
         self._player.on_update(self._posting(play_as))
@@ -173,12 +173,12 @@ class Browser:
         self._variation.on_update(self._posting(self._play_variation))
 
     def _play_variation(self, index: Any) -> None:
-        if index in range(NUM_VARIATIONS):  # A message may hold anything.
+        if index in range(NUM_VARIATIONS):  # A client may send any number.
             self._session.play(variation=int(index))
-        self._shown = None  # The panel shows again what is played.
+        self._shown = None  # Resets the panel to the current episode.
 
     def _posting(self, function: Callable[[Any], object]) -> Callable[[Any], Any]:
-        """A handler: has the session call a function with the value that a person chooses."""
+        """Returns a handler that posts a function with the selected value to the session."""
 
         async def handle(event: Any) -> None:
             value = event.target.value
@@ -219,7 +219,7 @@ class Browser:
             self._write()
 
     def _place_gizmos(self) -> None:
-        """Puts gizmos that nobody drags, and the boxes of grips, where they belong."""
+        """Moves gizmos that are not being dragged, and grip checkboxes, to the current state."""
         teleoperation = self._driven_by
         if teleoperation is None:
             return
@@ -239,7 +239,7 @@ class Browser:
         self._text.content = "\n".join(
             ["| | |", "|---|---|", *(f"| {name} | **{value}** |" for name, value in status.rows())]
         )
-        # Only what has changed since: a browser may just have chosen something else.
+        # Only changes are sent: a user may just have selected something else.
         shown = status.policy, status.variation, status.paused
         if shown != self._shown:
             self._shown = shown

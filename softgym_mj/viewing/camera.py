@@ -1,25 +1,25 @@
-"""Where viewers look from at first."""
+"""Initial views of viewers."""
 
 import numpy as np
 
 from softgym_mj.envs.environment import Environment
 
-LOOK_AT_HEIGHT = 0.1  # [m] At which a view from above is turned.
-_SHORTEST = 0.3  # [m] Distance of what a view is turned around, at least.
+LOOK_AT_HEIGHT = 0.1  # [m] Height of the orbit center for a view from above.
+_SHORTEST = 0.3  # [m] Least distance of the orbit center.
 _STEEP = 0.1  # Horizontal part of a direction below which it counts as from above.
 
 
 def pose(env: Environment, camera: str) -> tuple[np.ndarray, np.ndarray]:
-    """Position (3,) [m] and axes (3, 3), columns: right, up, backward, of a camera of the arena."""
+    """Returns position (3,) [m] and axes (3, 3), columns right, up, backward, of a camera."""
     index = env.physics.model.ptr.camera(camera).id
     data = env.physics.data.ptr
     return data.cam_xpos[index].copy(), data.cam_xmat[index].reshape(3, 3).copy()
 
 
 def orbit(env: Environment, camera: str) -> tuple[np.ndarray, float]:
-    """Point (3,) [m] around which a view from a camera is turned, and its distance [m].
+    """Returns the orbit center (3,) [m] of a camera's view, and its distance [m].
 
-    It is where the camera's line of sight is nearest to the middle of the scene.
+    It is the point on the camera's line of sight nearest to the middle of the scene.
     """
     position, axes = pose(env, camera)
     forward = -axes[:, 2]

@@ -1,7 +1,7 @@
-"""What keys and the mouse do in MuJoCo's viewer: they move targets, and start and stop episodes.
+"""Keys and mouse in MuJoCo's viewer: they move targets, and start and stop episodes.
 
-The viewer reports that a key was pressed, neither for how long nor again while it is held, so a
-press moves a target by a step. All letters, 0 to 5 and F1 to F7 have a meaning in the viewer.
+The viewer reports key presses only, neither durations nor repeats, so a press moves a target by a
+step. All letters, 0 to 5 and F1 to F7 are used by the viewer itself.
 """
 
 import dataclasses
@@ -13,18 +13,18 @@ import numpy as np
 from softgym_mj.viewing.session import TELEOPERATE, Session
 from softgym_mj.viewing.teleoperation import Teleoperation
 
-STEPS = (0.01, 0.02, 0.05, 0.1, 0.2)  # [m] By which a press may move a target.
-TURN = np.deg2rad(5.0)  # [rad] By which a press turns a cup.
+STEPS = (0.01, 0.02, 0.05, 0.1, 0.2)  # [m] Step sizes of a press.
+TURN = np.deg2rad(5.0)  # [rad] Rotation of a cup by a press.
 
 
 @dataclasses.dataclass(frozen=True)
 class Key:
-    """A key, or a group of them.
+    """A key, or a group of keys.
 
     Attributes:
-        codes: of GLFW.
-        label: what is on it.
-        use: what it does.
+        codes: GLFW codes.
+        label: label of the key.
+        use: description of its function.
     """
 
     codes: tuple[int, ...]
@@ -47,7 +47,7 @@ MOUSE = Key((), "mouse", "double-click it, then drag with Ctrl and the right but
 
 
 def keys_of(teleoperation: Teleoperation | None) -> list[Key]:
-    """The keys that do something while `teleoperation`, or a policy, drives."""
+    """Returns the active keys while `teleoperation`, or a policy, controls the actor."""
     keys = []
     if teleoperation is not None:
         keys += [MOVE, LIFT]
@@ -59,10 +59,10 @@ def keys_of(teleoperation: Teleoperation | None) -> list[Key]:
 
 
 def ground_axes(right: np.ndarray) -> np.ndarray:
-    """The world's axes (2, 3) that point to the right of a picture and away from its viewer, best.
+    """Returns the horizontal world axes (2, 3) nearest to a picture's right and away direction.
 
     Args:
-        right: the direction (3,) to the right of the picture.
+        right: direction (3,) to the right of the picture.
     """
     axis = int(abs(right[1]) > abs(right[0]))
     to_right = np.zeros(3)
@@ -71,26 +71,26 @@ def ground_axes(right: np.ndarray) -> np.ndarray:
 
 
 class Keyboard:
-    """Turns presses of keys into targets and commands of a session.
+    """Converts key presses to targets and commands of a session.
 
     Attributes:
         step: length of a step [m].
-        driven: parts that the keys drive.
-        helping: whether people want to be told of the keys.
+        driven: parts that the keys control.
+        helping: whether the list of keys is shown.
     """
 
     def __init__(self, session: Session, right: Callable[[], np.ndarray]):
-        """Binds it.
+        """Binds the keyboard to a session.
 
         Args:
-            session: what is played.
-            right: gives the direction (3,) to the right of the picture.
+            session: the session.
+            right: returns the direction (3,) to the right of the picture.
         """
         self._session, self._right = session, right
         self.step, self.driven, self.helping = STEPS[2], [0], True
 
     def press(self, code: int) -> None:
-        """Has the session do what a key means; may be called from any thread."""
+        """Posts a key's function to the session; may be called from any thread."""
         self._session.post(lambda: self._do(code))
 
     def _do(self, code: int) -> None:
@@ -122,7 +122,7 @@ class Keyboard:
             for part in self.driven:
                 teleoperation.grips[part] = not closed
         elif code in OTHER.codes:
-            parts = range(len(teleoperation.names))  # One after the other, then all.
+            parts = range(len(teleoperation.names))  # Each part in turn, then all.
             choices = [*([part] for part in parts), list(parts)]
             self.driven = choices[(choices.index(self.driven) + 1) % len(choices)]
         elif code in STEP.codes:
@@ -134,16 +134,16 @@ class Keyboard:
 
 
 class Mouse:
-    """Has a part follow the mouse while MuJoCo's viewer drags one of its bodies."""
+    """Lets a part follow the mouse while MuJoCo's viewer drags one of its bodies."""
 
     def __init__(self, keyboard: Keyboard):
-        """Binds it: what is double-clicked is what the keys drive, too."""
+        """Binds the mouse: the keys control the double-clicked part, too."""
         self._keyboard = keyboard
         self._selected = 0
         self._offset: np.ndarray | None = None
 
     def follow(self, perturb: Any, model: Any, teleoperation: Teleoperation) -> None:
-        """Takes over what the viewer's `mujoco.MjvPerturb` says now."""
+        """Reads the viewer's `mujoco.MjvPerturb`."""
         part = None
         if perturb.select > 0:
             part = teleoperation.part_of(model.body(perturb.select).name)

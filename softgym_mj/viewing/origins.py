@@ -1,11 +1,11 @@
-"""Who may connect to the viewer: browsers that show its own page, and no other page they show.
+"""Access control of the viewer: only its own page may connect, not other pages in a browser.
 
-Any web page can open a WebSocket to any address that its reader's machine can reach, the loopback
-address included. Browsers say which page it is (`Origin`) and by which name it found the server
-(`Host`), and pages cannot change that. As both are compared with each other and not with the port
-listened at, tunnels with other ports work. A page whose name was made to point at this machine
-(DNS rebinding) is told by that name: only addresses and this machine's own names are served.
-Programs that are no browsers send no `Origin`, and could send any; nothing here holds them back.
+Any web page can open a WebSocket to any address that its reader's machine can reach, including the
+loopback address. Browsers send the page's address (`Origin`) and the server's name (`Host`), which
+pages cannot change. Both are compared with each other and not with the server's port, so tunnels
+with other ports work. A page whose name was redirected to this machine (DNS rebinding) is rejected
+by that name: only addresses and this machine's own names are served. Other programs send no
+`Origin`, or any, and are not restricted.
 """
 
 import contextlib
@@ -21,10 +21,10 @@ from softgym_mj.viewing.scene import EXTRA
 
 
 def check_origins(origins: Sequence[str]) -> frozenset[str]:
-    """Origins as browsers send them: "https://hub.example.com", or with a port.
+    """Returns origins as browsers send them: "https://hub.example.com", or with a port.
 
     Raises:
-        InvalidArgumentError: for what is none.
+        InvalidArgumentError: for an invalid origin.
     """
     for origin in origins:
         parts = urlsplit(origin)
@@ -35,11 +35,11 @@ def check_origins(origins: Sequence[str]) -> frozenset[str]:
 
 
 def may_connect(headers: Any, listening: str, allowed: frozenset[str]) -> bool:
-    """Whether a request is one of the viewer's own page.
+    """Returns whether a request comes from the viewer's own page.
 
     Args:
-        headers: of the request, `websockets.Headers`.
-        listening: the host that the server was told to listen at.
+        headers: headers of the request, `websockets.Headers`.
+        listening: host at which the server listens.
         allowed: further origins, of proxies, as `check_origins` returns them.
     """
     hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
@@ -55,7 +55,7 @@ def may_connect(headers: Any, listening: str, allowed: frozenset[str]) -> bool:
 
 
 def _is_name_of(host: str, known: set[str]) -> bool:
-    """Whether a host, with or without a port, is an IP address or one of the known names."""
+    """Returns whether a host, with or without a port, is an IP address or a known name."""
     with contextlib.suppress(ValueError):
         name = urlsplit(f"//{host}").hostname or ""
         if name in known:
@@ -67,12 +67,12 @@ def _is_name_of(host: str, known: set[str]) -> bool:
 
 @contextlib.contextmanager
 def guarded(listening: str, allowed: frozenset[str]) -> Iterator[None]:
-    """Has the server that viser starts meanwhile refuse what `may_connect` does.
+    """Context in which a server started by viser rejects requests that `may_connect` rejects.
 
-    viser has no argument for that, so this is in front of what it passes to `websockets`.
+    viser has no argument for that, so this wraps the handler that it passes to `websockets`.
 
     Raises:
-        UnavailableError: if it started a server in another way, which is not guarded.
+        UnavailableError: if viser started a server in another way, which is not guarded.
     """
     websockets = import_extra("websockets.asyncio.server", "viser", EXTRA)
     serve, served = websockets.serve, []

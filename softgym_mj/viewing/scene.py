@@ -1,4 +1,4 @@
-"""What a browser shows of a model: its bodies by mjviser, the soft and the liquid by us."""
+"""`Scene`: a model in a browser: bodies by mjviser; flexes and water by this module."""
 
 import copy
 from typing import Any
@@ -14,17 +14,17 @@ from softgym_mj.rendering.offscreen import refresh
 from softgym_mj.rendering.surfaces import find_surfaces
 from softgym_mj.rendering.textures import texture_of
 
-EXTRA = "viewer"  # The extra that brings viser and mjviser.
-AMBIENCE = 0.4  # Of light from all sides; with mjviser's 0.8, colours are bleached.
-# Of a texture: patches along its height, whose mean colours are shown, and by how much the sums of
-# their channels differ where they are alike. Threads differ less, the sides of a cloth more.
+EXTRA = "viewer"  # Extra that installs viser and mjviser.
+AMBIENCE = 0.4  # Intensity of ambient light; with mjviser's 0.8, colors are washed out.
+# Number of texture patches along its height, whose mean colors are compared, and the least
+# difference of two colors (sum over channels): threads differ less, the sides of a cloth more.
 PATCHES, ALIKE = 32, 0.35
-RARE = 0.1  # Part of the faces of a skin that is not worth a colour of its own.
-_SHOWN_GROUPS = 3  # Geoms of further groups are there for contact.
+RARE = 0.1  # Share of a skin's faces below which a color is ignored.
+_SHOWN_GROUPS = 3  # Further groups are collision geoms.
 
 
 def skin_parts(model: mujoco.MjModel, skin: int) -> list[tuple[np.ndarray, np.ndarray]]:
-    """The colours (4,) of a skin, which has a texture, and the faces (n, 3) that have each."""
+    """Returns the colors (4,) of a textured skin, and the faces (n, 3) of each color."""
     first, number = model.skin_faceadr[skin], model.skin_facenum[skin]
     faces = model.skin_face[first : first + number]
     material = model.skin_matid[skin]
@@ -32,14 +32,15 @@ def skin_parts(model: mujoco.MjModel, skin: int) -> list[tuple[np.ndarray, np.nd
     texture = texture_of(model, material)
     if texture is None:
         return [(rgba, faces)]
-    # Means of patches: without threads.
+    # Means of patches suppress threads.
     pixels, side = texture / 255.0, len(texture) // PATCHES
     cells = pixels[: PATCHES * side].reshape(PATCHES, side, -1, side, 3).mean(axis=(1, 3))
     first, number = model.skin_texcoordadr[skin], model.skin_vertnum[skin]
     places = model.skin_texcoord[first : first + number][faces].mean(axis=1)
     row, column = (places[:, ::-1] % 1.0 * cells.shape[:2]).astype(int).T
     colors = cells[row, column]
-    # The commonest colour, then the commonest of those that differ; what is between two is neither.
+    # The most common color, then the most common of those that differ; intermediate colors are
+    # ignored.
     kept: list[np.ndarray] = []
     left = np.ones(len(faces), bool)
     while left.mean() > RARE:
@@ -63,18 +64,17 @@ def _bytes(rgba: np.ndarray) -> tuple[int, int, int]:
 
 
 class Scene:
-    """A model in the scene of a viser server.
+    """Model in the scene of a viser server.
 
-    Bodies are mjviser's, except for translucent ones, which it draws opaque. Skins, flexes and
-    water it does not draw at all.
+    mjviser draws bodies, but translucent ones opaque, and neither skins, flexes nor water.
     """
 
     def __init__(self, server: Any, physics: Any):
-        """Builds the scene in place of what the server has shown.
+        """Builds the scene, replacing the server's previous one.
 
         Args:
             server: a `viser.ViserServer`.
-            physics: what is shown.
+            physics: physics of the model.
 
         Raises:
             UnavailableError: if mjviser is missing.
@@ -101,12 +101,12 @@ class Scene:
         rgba = np.where(material[:, None] < 0, opaque.geom_rgba, opaque.mat_rgba[material])
         shown = opaque.geom_group < _SHOWN_GROUPS
         clear = np.flatnonzero((rgba[:, 3] > 0.0) & (rgba[:, 3] < 1.0) & shown)
-        floors = opaque.geom_type == mujoco.mjtGeom.mjGEOM_PLANE  # Of the room: it would be white.
+        floors = opaque.geom_type == mujoco.mjtGeom.mjGEOM_PLANE  # The room's floor would be white.
         opaque.geom_type[floors] = mujoco.mjtGeom.mjGEOM_BOX
-        for hidden in (clear, floors):  # What is transparent it leaves out.
+        for hidden in (clear, floors):  # mjviser skips transparent geoms.
             opaque.geom_matid[hidden], opaque.geom_rgba[hidden, 3] = -1, 0.0
         server.scene.configure_environment_map(environment_intensity=AMBIENCE)
-        # Browsers load the light of such a call for a while: of two, either may come last.
+        # Browsers load this light asynchronously: of two calls, either may come last.
         with mock.patch.object(server.scene, "configure_environment_map"):
             self._bodies = mjviser.ViserMujocoScene(server, opaque, num_envs=1)
         self._bodies.camera_tracking_enabled = False
@@ -118,7 +118,7 @@ class Scene:
         self.update(physics)
 
     def shows(self, physics: Any) -> bool:
-        """Whether it is the scene of this physics; goals that were moved make it another one."""
+        """Returns whether the scene shows this physics with its current goal marks."""
         if physics.model.ptr is not self._model:
             return False
         return all(np.array_equal(a, b) for a, b in zip(self._shape(), self._built, strict=True))
@@ -145,7 +145,7 @@ class Scene:
     # ------------------------------------------------------------------ parts
 
     def _add_clear(self, body: int, clear: np.ndarray, rgba: np.ndarray) -> Any:
-        """Adds the translucent geoms of a body to a frame that is moved with it."""
+        """Adds the translucent geoms of a body to a frame that moves with it."""
         conversions = import_extra("mjviser.conversions", "mjviser", EXTRA)
         frame = self._server.scene.add_frame(f"/clear/{body}", show_axes=False)
         for geom in clear[self._model.geom_bodyid[clear] == body]:

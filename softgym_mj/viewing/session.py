@@ -1,4 +1,4 @@
-"""`Session`: a task that is played in real time, by a person or a policy, whatever shows it."""
+"""`Session`: a task in real time, controlled by a user or a policy, for any viewer."""
 
 import dataclasses
 import queue
@@ -13,31 +13,32 @@ from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.variations.indices import NUM_VARIATIONS
 from softgym_mj.viewing.teleoperation import Teleoperation, teleoperate
 
-TELEOPERATE = "teleoperate"  # The policy that a person is.
-_UNLIMITED = 10**9  # Env steps of an episode that a person plays: until it is reset.
-FRAME_STEPS = 2  # Sim steps from one picture to the next: 50 pictures a second.
-LINGER = 1.5  # [s] How long the end of a policy's episode is shown before it starts again.
-_MOST_BEHIND = 0.1  # [s] What cannot be simulated in real time is not made up for later.
+TELEOPERATE = "teleoperate"  # Name of the user as a policy.
+_UNLIMITED = 10**9  # Horizon of a user's episode: it lasts until the reset.
+FRAME_STEPS = 2  # Sim steps per picture: 50 pictures a second.
+LINGER = 1.5  # [s] Display time of the end of a policy's episode before the next one.
+# [s] Largest delay that is caught up with if the simulation is slower than real time.
+_MOST_BEHIND = 0.1
 
 
 class Pace:
-    """Holds simulated time back to real time.
+    """Limits simulated time to real time.
 
     Attributes:
-        speed: simulated time over real time of the last second or so.
+        speed: simulated time over real time of about the last second.
     """
 
-    _WINDOW = 1.0  # [s] Over which the speed is measured.
+    _WINDOW = 1.0  # [s] Averaging time of the speed.
 
     def __init__(
         self,
         clock: Callable[[], float] = time.perf_counter,
         sleep: Callable[[float], None] = time.sleep,
     ):
-        """Starts now.
+        """Starts the clock.
 
         Args:
-            clock: real time [s].
+            clock: returns real time [s].
             sleep: waits for some real time [s].
         """
         self._clock, self._sleep = clock, sleep
@@ -60,15 +61,15 @@ class Pace:
 
 @dataclasses.dataclass(frozen=True)
 class Status:
-    """What there is to tell of an episode.
+    """Status of an episode.
 
     Attributes:
         variation: index 0..999.
-        policy: who acts.
-        paused: whether time stands still.
-        ended: whether the episode is over, which happens to policies only.
-        time: simulated since its start [s].
-        reward: of the last env step.
+        policy: name of the policy.
+        paused: whether the simulation is paused.
+        ended: whether the episode has ended, for policies only.
+        time: simulated time since its start [s].
+        reward: reward of the last env step.
         normalized_performance: after the last env step.
         speed: simulated time over real time.
     """
@@ -83,7 +84,7 @@ class Status:
     speed: float
 
     def rows(self) -> list[tuple[str, str]]:
-        """Names and values as text, for people."""
+        """Returns names and values as text."""
         state = "paused" if self.paused else "ended" if self.ended else "running"
         return [
             ("variation", str(self.variation)),
@@ -95,15 +96,15 @@ class Status:
 
 
 class Session:
-    """Plays a task's own environment step by step, with pictures on the way.
+    """Runs a task's environment step by step, with pictures in between.
 
-    Env steps are as long as everywhere else, so what a person does is an ordinary episode. All of
-    it happens in the thread that calls `advance`; others hand over what is to be done by `post`.
+    Env steps are unchanged, so a user's actions make an ordinary episode. All of it runs in the
+    thread that calls `advance`; other threads call `post`.
 
     Attributes:
-        env: the environment; another one after a change between a person and a policy.
-        teleoperation: what a person drives; None while a policy acts.
-        paused: whether time stands still.
+        env: the environment; replaced when control changes between a user and a policy.
+        teleoperation: the user's controller; None while a policy acts.
+        paused: whether the simulation is paused.
         on_frame: called for every picture: after every second sim step, or as often if paused.
     """
 
@@ -120,11 +121,11 @@ class Session:
 
         Args:
             task: task name.
-            policy: "teleoperate" for a person, or as in `make_policy`.
+            policy: "teleoperate" for a user, or as in `make_policy`.
             variation: index 0..999.
-            pace: what holds back simulated time; None for real time.
+            pace: limits simulated time; None for real time.
             trust: whether a policy's file may be loaded, as in `make_policy`.
-            **settings: of the task, as in `load`.
+            **settings: settings of the task, as in `load`.
 
         Raises:
             InvalidArgumentError: for a bad argument.
@@ -139,14 +140,14 @@ class Session:
         self.play(policy, variation)
 
     def post(self, function: Callable[[], object]) -> None:
-        """Has a function called before the next env step; for other threads."""
+        """Schedules a function to be called before the next env step; for other threads."""
         self._posted.put(function)
 
     def play(self, policy: str | None = None, variation: int | None = None) -> None:
         """Starts an episode.
 
         Args:
-            policy: who acts; None for the same as before.
+            policy: name of the policy; None for the same as before.
             variation: index 0..999; None for the same as before.
         """
         if variation is None:
@@ -186,9 +187,9 @@ class Session:
         self._pace.wait(FRAME_STEPS * SIM_STEP)
 
     def advance(self) -> None:
-        """Does what was posted; if nothing was, does one env step, or shows a picture if paused.
+        """Runs posted functions; if there are none, an env step, or shows a picture if paused.
 
-        A viewer has to look at `env` after it: what was posted may have changed the model.
+        A viewer must check `env` afterwards: a posted function may have changed the model.
         """
         if not self._posted.empty():
             while not self._posted.empty():
@@ -207,7 +208,7 @@ class Session:
 
     @property
     def status(self) -> Status:
-        """What there is to tell of the episode now."""
+        """Current status of the episode."""
         return Status(
             variation=self.env.task.variation,
             policy=self._policy,

@@ -1,4 +1,4 @@
-"""Teleoperation: targets that a person moves, and actions that bring grippers or a cup there."""
+"""Teleoperation: targets set by a user, and actions that move grippers or a cup to them."""
 
 import abc
 import re
@@ -14,24 +14,24 @@ from softgym_mj.robots.factory import CUP_ACTORS, GRIPPERS, PICKERS
 from softgym_mj.robots.gripper import MAX_DISPLACEMENT, Gripper
 from softgym_mj.robots.pick_and_place import RoutePicker
 
-GRIPPER_SPEED = 0.5  # [m/s] Half of what they can do: cloth and the eye still follow.
-# Of a cup along X, along Z [m/s] and about Y [rad/s], and how fast these change [m/s^2, rad/s^2]:
-# as in the way of transport_water's expert, which does not spill.
+GRIPPER_SPEED = 0.5  # [m/s] Half of the largest speed: cloth and eyes can follow.
+# Speeds of a cup along X, Z [m/s] and about Y [rad/s], and accelerations [m/s^2, rad/s^2]: as in
+# transport_water's expert, which does not spill.
 CUP_SPEED = np.array([0.6, 0.6, 1.0])
 CUP_ACCELERATION = np.array([0.75, 0.75, 3.0])
-# What of its way a cup goes after a rejected move: all of it, else one coordinate.
+# Coordinates along which a cup moves after a rejected move: all, else one.
 _TRIES = np.array([[1, 1, 1], [0, 1, 0], [0, 0, 1], [1, 0, 0]])
-_NEAR = 1e-6  # [m, rad] What is left of a way that has been gone.
+_NEAR = 1e-6  # [m, rad] Distance below which a target is reached.
 _BODY = re.compile(r"^[^/]+/\w+_(\d+)(/|$)")  # Such as picker/picker_1 or arms/franka_0/link3.
 
 
 class Teleoperation(abc.ABC):
-    """Targets of the parts of an actor that can be driven: its grippers, or its cup.
+    """Targets of the controllable parts of an actor: its grippers, or its cup.
 
     Attributes:
-        names: of the parts (n,).
-        turns: whether the parts turn.
-        grips: whether each part closes (n,); of no effect where `can_grip` is False.
+        names: names of the parts (n,).
+        turns: whether the parts rotate.
+        grips: whether each part closes (n,); no effect if `can_grip` is False.
         can_grip: whether the parts grip.
         axes: whether the parts move along x, y and z.
     """
@@ -42,23 +42,23 @@ class Teleoperation(abc.ABC):
     axes: tuple[bool, bool, bool]
 
     def __init__(self, env: Environment):
-        """Binds it to an environment; `start` has to be called after each of its resets."""
+        """Binds it to an environment; call `start` after each of its resets."""
         self._env, self._actor = env, env.task.actor
         self.grips: list[bool] = []
         self._targets = np.zeros((0, 4))
 
     @property
     def targets(self) -> np.ndarray:
-        """Where the parts are to go (n, 4), a fresh array: x, y, z [m], turn about +Y [rad]."""
+        """Targets of the parts (n, 4), a fresh array: x, y, z [m], rotation about +Y [rad]."""
         return self._targets.copy()
 
     def start(self) -> None:
-        """Sets the targets to where the parts are told to be."""
+        """Sets the targets to the commanded positions of the parts."""
         self._targets = self.commanded()
         self.grips = [False] * len(self._targets)
 
     def aim(self, part: int, target: Sequence[float] | np.ndarray) -> None:
-        """Sets a target (4,) [m, m, m, rad]; it is kept within what the part may reach."""
+        """Sets a target (4,) [m, m, m, rad], clipped to the part's range."""
         self._targets[part] = self._allowed(part, np.asarray(target, float))
 
     def shift(self, part: int, change: Sequence[float] | np.ndarray) -> None:
@@ -66,7 +66,7 @@ class Teleoperation(abc.ABC):
         self.aim(part, self._targets[part] + change)
 
     def part_of(self, body: str) -> int | None:
-        """Which part a body of the model belongs to; None if it is none of them."""
+        """Returns the part to which a body of the model belongs; None if none."""
         if body.split("/", maxsplit=1)[0] not in self._actor.model_names:
             return None
         match = _BODY.match(body)
@@ -74,19 +74,19 @@ class Teleoperation(abc.ABC):
 
     @abc.abstractmethod
     def commanded(self) -> np.ndarray:
-        """Where the parts are told to be (n, 4), as `targets`."""
+        """Returns the commanded positions of the parts (n, 4), as `targets`."""
 
     @abc.abstractmethod
     def action(self) -> np.ndarray:
-        """The action (n,) of the next env step, in [-1, 1], on the way to the targets."""
+        """Returns the action (n,) of the next env step, in [-1, 1], towards the targets."""
 
     @abc.abstractmethod
     def _allowed(self, part: int, target: np.ndarray) -> np.ndarray:
-        """A target (4,), moved to where the part may go."""
+        """Returns a target (4,), clipped to the part's range."""
 
 
 class GripperTeleoperation(Teleoperation):
-    """Drives pickers or arms, straight to their targets at `GRIPPER_SPEED`."""
+    """Moves pickers or arms straight to their targets at `GRIPPER_SPEED`."""
 
     turns = False
     can_grip = True
@@ -100,7 +100,8 @@ class GripperTeleoperation(Teleoperation):
 
     def start(self) -> None:
         super().start()
-        self.grips = (self._actor.held >= 0).tolist()  # They start with a cloth that hangs.
+        # Tasks with a hanging cloth start with closed grippers.
+        self.grips = (self._actor.held >= 0).tolist()
 
     def commanded(self) -> np.ndarray:
         points = self._actor.commanded_positions()
@@ -120,10 +121,10 @@ class GripperTeleoperation(Teleoperation):
 
 
 class CupTeleoperation(Teleoperation):
-    """Drives a cup to its target, speeding up and slowing down so gently that little is spilled.
+    """Moves a cup to its target with limited acceleration, so that little is spilled.
 
-    The task rejects moves into the ground or another cup. The rest of the way is then gone along
-    one coordinate after the other, so that the cup slides along what stops it.
+    The task rejects moves into the ground or another cup. The rest of the motion then follows one
+    coordinate after the other, so that the cup slides along the obstacle.
     """
 
     names = ("cup",)
@@ -142,7 +143,7 @@ class CupTeleoperation(Teleoperation):
 
     def part_of(self, body: str) -> int | None:
         models = self._actor.cup.mjcf_model.model, *self._actor.model_names
-        # The cup in an arm's hand is a model within the arm's.
+        # The cup in an arm's hand is part of the arm's model.
         return 0 if body.split("/", maxsplit=1)[0] in models else None
 
     def commanded(self) -> np.ndarray:
@@ -164,7 +165,7 @@ class CupTeleoperation(Teleoperation):
             if np.abs(way).max() > _NEAR:
                 break
             self._blocked += 1
-        # The speed from which it can come to rest at the target, as it changes once in a step.
+        # Speed from which it can stop at the target, changing once in a step.
         unit = CUP_ACCELERATION * step**2
         braking = (np.sqrt(1.0 + 8.0 * np.abs(way) / unit) - 1.0) / 2.0 * unit
         wanted = np.sign(way) * np.minimum(np.minimum(braking, np.abs(way)) / step, CUP_SPEED)
@@ -175,7 +176,7 @@ class CupTeleoperation(Teleoperation):
 
 
 def teleoperate(env: Environment) -> Teleoperation:
-    """What drives the actor of an environment.
+    """Returns the teleoperation of an environment's actor.
 
     Raises:
         InvalidArgumentError: if the actor does not move by displacement.

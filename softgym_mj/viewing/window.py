@@ -1,4 +1,4 @@
-"""MuJoCo's own viewer as a window to a `Session`; needs a display."""
+"""`Window`: MuJoCo's own viewer of a `Session`; needs a display."""
 
 import threading
 import time
@@ -19,24 +19,24 @@ from softgym_mj.viewing.keys import Keyboard, Mouse, keys_of
 from softgym_mj.viewing.session import Session
 
 TEXT_INTERVAL = 0.2  # [s] Between changes of the text: each waits for the window to be drawn.
-CLOSE_TIME = 5.0  # [s] For which a window that does not close is waited for.
-# [m] Of the balls that show targets, or that much times a picker, whose shell they are.
+CLOSE_TIME = 5.0  # [s] Timeout for closing a window.
+# [m] Radius of the balls at targets, or factor on a picker's radius, whose shell they are.
 TARGET_RADIUS, SHELL = 0.012, 1.15
-# Of targets that the keys drive, and of others.
+# Colors of targets that the keys control, and of others.
 DRIVEN_COLOR, OTHER_COLOR = (0.1, 0.9, 0.3, 0.4), (0.9, 0.9, 0.2, 0.2)
 
 
 def place_camera(camera: Any, env: Environment, name: str) -> None:
-    """Has a free `mujoco.MjvCamera` show what a camera of the arena does, from its direction."""
+    """Sets a free `mujoco.MjvCamera` to the view of a camera of the arena."""
     _, axes = pose(env, name)
     forward, up = -axes[:, 2], axes[:, 1]
     camera.type = mujoco.mjtCamera.mjCAMERA_FREE
     camera.lookat[:], distance = orbit(env, name)
-    # A free camera has the field of view of the model.
+    # A free camera uses the field of view of the model.
     model = env.physics.model.ptr
     angles = np.deg2rad([model.camera(name).fovy[0], model.vis.global_.fovy]) / 2
     camera.distance = distance * np.tan(angles[0]) / np.tan(angles[1])
-    # Straight down, the picture's upward direction tells where the camera turns to.
+    # For a view straight down, the picture's upward direction defines the azimuth.
     ahead = forward if np.hypot(*forward[:2]) > 1e-3 else up
     camera.azimuth = np.rad2deg(np.arctan2(ahead[1], ahead[0]))
     camera.elevation = np.rad2deg(np.arcsin(np.clip(forward[2], -1.0, 1.0)))
@@ -61,15 +61,15 @@ def check_display() -> None:
 class Window:
     """Shows a session in MuJoCo's viewer until its window is closed.
 
-    The viewer sees a copy of the state: what it does there, such as pulling at bodies, leaves the
-    episode alone.
+    The viewer gets a copy of the state: its interactions, such as pulling at bodies, do not affect
+    the episode.
     """
 
     def __init__(self, session: Session, launch: Callable[..., Any] = mujoco.viewer.launch_passive):
-        """Binds it.
+        """Binds the window to a session.
 
         Args:
-            session: what is shown.
+            session: the session.
             launch: opens the viewer, as `mujoco.viewer.launch_passive`.
         """
         self._session, self._launch = session, launch
@@ -79,7 +79,7 @@ class Window:
         self._text_due = 0.0
 
     def run(self) -> None:
-        """Plays until the window is closed; a model of another size opens another window.
+        """Runs until the window is closed; a model of another size opens another window.
 
         Raises:
             UnavailableError: on macOS, unless Python was started as mjpython.
@@ -88,7 +88,7 @@ class Window:
             pass
 
     def _show(self) -> bool:
-        """Shows one model; whether there is another one to show."""
+        """Shows one model; returns whether there is another one to show."""
         session = self._session
         physics = session.env.physics
         self._model = model = physics.model.ptr
@@ -114,8 +114,8 @@ class Window:
             while window.is_running() and session.env.physics.model.ptr is model:
                 session.advance()
             still_open = window.is_running()
-        # The viewer's thread destroys the window after it has said that it is closed. To leave
-        # Python or to open another window before that is an error of the display.
+        # The viewer's thread destroys the window after reporting that it is closed. Leaving Python
+        # or opening another window before that is an error of the display.
         for thread in set(threading.enumerate()) - others:
             thread.join(CLOSE_TIME)
         return still_open
@@ -125,7 +125,7 @@ class Window:
         refresh(self._model, self._data)
 
     def _right(self) -> np.ndarray:
-        """Direction (3,) to the right of the picture."""
+        """Returns the direction (3,) to the right of the picture."""
         camera = self._window.cam
         if camera.type == mujoco.mjtCamera.mjCAMERA_FIXED:
             return self._data.cam_xmat[camera.fixedcamid].reshape(3, 3)[:, 0]
@@ -178,6 +178,6 @@ class Window:
 
 
 def _columns(rows) -> tuple[str, str]:
-    """Two columns of text."""
+    """Returns two columns of text."""
     left, right = zip(*rows, strict=True)
     return "\n".join(left), "\n".join(right)
