@@ -1,1 +1,1 @@
-"""How real cloth is: against theory (`lab`), and against recordings of real cloth."""
+"""Realism of cloth: against theory (`lab`), and against recordings of real cloth."""

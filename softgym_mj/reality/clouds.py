@@ -20,7 +20,7 @@ _PLY_HEADER = (
 
 @dataclasses.dataclass(frozen=True)
 class Cloud:
-    """Points that a camera saw.
+    """Points observed by a camera.
 
     Attributes:
         points: (n, 3) [m].
@@ -35,7 +35,7 @@ def write_ply(path: pathlib.Path, cloud: Cloud) -> None:
     """Writes a cloud with colors as doubles and bytes, little-endian.
 
     Raises:
-        InvalidArgumentError: if there are no points, or colors of another number.
+        InvalidArgumentError: if there are no points, or another number of colors.
     """
     points, colors = np.asarray(cloud.points), np.asarray(cloud.colors)
     if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
@@ -48,7 +48,7 @@ def write_ply(path: pathlib.Path, cloud: Cloud) -> None:
 
 
 def read_ply(path: pathlib.Path) -> Cloud:
-    """Reads what `write_ply` writes; comments in the header are passed over.
+    """Reads a file of `write_ply`; comments in the header are ignored.
 
     Raises:
         StoreError: if the file is missing, truncated, of another layout, empty or not finite.
@@ -81,7 +81,7 @@ def _number(path: pathlib.Path, word: bytes) -> int:
 
 
 def _checked(path: pathlib.Path, cloud: Cloud) -> Cloud:
-    """A cloud that has points, all of them somewhere."""
+    """Returns a cloud after checking that it has points, all finite."""
     if len(cloud.points) == 0:
         raise StoreError(f"{path}: an empty cloud")
     wrong = np.flatnonzero(~np.isfinite(cloud.points).all(axis=1))

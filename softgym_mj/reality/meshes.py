@@ -1,4 +1,4 @@
-"""`Mesh`: the vertices and triangles of a sheet at rest, and rectangles of them."""
+"""`Mesh`: vertices and triangles of a sheet at rest, and rectangles."""
 
 import dataclasses
 import functools
@@ -44,46 +44,46 @@ class Mesh:
 
     @functools.cached_property
     def lengths(self) -> np.ndarray:
-        """Of the edges (e,) [m], at rest."""
+        """Rest lengths (e,) [m] of the edges."""
         return self.edge_lengths(self.points)
 
     @functools.cached_property
     def area(self) -> float:
-        """Of all triangles [m^2], at rest."""
+        """Total area [m^2] at rest."""
         return float(self.triangle_areas.sum())
 
     @functools.cached_property
     def triangle_areas(self) -> np.ndarray:
-        """Of each triangle (m,) [m^2], at rest."""
+        """Area (m,) [m^2] of each triangle at rest."""
         corners = self.points[self.triangles]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         return np.linalg.norm(normals, axis=1) / 2.0
 
     @functools.cached_property
     def vertex_areas(self) -> np.ndarray:
-        """Of each vertex (n,) [m^2]: a third of the triangles around it."""
+        """Area (n,) [m^2] of each vertex: a third of the triangles around it."""
         shares = np.repeat(self.triangle_areas / 3.0, 3)
         return np.bincount(self.triangles.ravel(), shares, len(self.points))
 
     def edge_lengths(self, positions: np.ndarray) -> np.ndarray:
-        """Lengths (e,) [m] of the edges when vertices are at `positions` (n, 3) [m]."""
+        """Returns lengths (e,) [m] of the edges for vertices at `positions` (n, 3) [m]."""
         first, second = positions[self.edges[:, 0]], positions[self.edges[:, 1]]
         return np.linalg.norm(first - second, axis=1)
 
     def strain(self, positions: np.ndarray) -> np.ndarray:
-        """Relative elongation (e,) of the edges when vertices are at `positions` (n, 3) [m]."""
+        """Returns relative elongations (e,) of the edges for vertices at `positions` (n, 3) [m]."""
         return self.edge_lengths(positions) / self.lengths - 1.0
 
 
 def rectangle(width: float, depth: float, spacing: float) -> Mesh:
-    """A flat rectangle about the origin, in the plane z = 0, of cells with alternating diagonals.
+    """Returns a flat rectangle about the origin, at z = 0, of cells with alternating diagonals.
 
     Vertex 0 is the corner at -X and +Y; rows go along +X, row after row towards -Y. So vertex
     `columns - 1` is the corner at +X and +Y.
 
     Args:
         width, depth: along X and Y [m].
-        spacing: of vertices [m], as nearly as whole cells allow.
+        spacing: approximate vertex spacing [m], rounded to whole cells.
 
     Raises:
         InvalidArgumentError: for sides or a spacing that make less than one cell.
@@ -96,7 +96,7 @@ def rectangle(width: float, depth: float, spacing: float) -> Mesh:
 
 
 def grid(width: float, depth: float, rows: int, columns: int) -> Mesh:
-    """As `rectangle`, of so many vertices along Y (rows) and X (columns), each 2 or more."""
+    """Returns a `rectangle` with `rows` vertices along Y and `columns` along X, each 2 or more."""
     x, y = np.meshgrid(
         np.linspace(-width / 2, width / 2, columns), np.linspace(depth / 2, -depth / 2, rows)
     )

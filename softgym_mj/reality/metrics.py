@@ -1,8 +1,8 @@
-"""How far simulated points are from real clouds, by the conventions of published benchmarks.
+"""Distances of simulated points from real clouds, by the conventions of published benchmarks.
 
-All distances are in metres; clouds have no order and may differ in size. "Sim to real" looks for
-the nearest real point of each simulated one, "real to sim" the other way round: what a camera did
-not see counts in the first only, what the simulation lacks in the second only.
+All distances are in meters; clouds are unordered and may differ in size. "Sim to real" uses the
+nearest real point of each simulated one, "real to sim" the reverse: points that a camera did not
+see affect only the first, points that the simulation lacks only the second.
 """
 
 import dataclasses
@@ -17,7 +17,7 @@ MANHATTAN, EUCLID = 1, 2  # Orders of the norm.
 
 @dataclasses.dataclass(frozen=True)
 class RagDistances:
-    """Those of Blanco-Mulero et al. (RA-L 9(3), 2024), of one frame.
+    """Distances of Blanco-Mulero et al. (RA-L 9(3), 2024) for one frame.
 
     Attributes:
         chamfer: mean over simulated vertices of the Manhattan distance to the nearest real point.
@@ -29,7 +29,7 @@ class RagDistances:
 
 
 def rag_distances(simulated: np.ndarray, real: np.ndarray) -> RagDistances:
-    """Distances of simulated vertices (n, 3) from a real cloud (m, 3) [m], as for rags.
+    """Returns distances of simulated vertices (n, 3) from a real cloud (m, 3) [m], as for rags.
 
     Raises:
         InvalidArgumentError: if a cloud is empty, not finite or of another shape.
@@ -42,7 +42,7 @@ def rag_distances(simulated: np.ndarray, real: np.ndarray) -> RagDistances:
 
 
 def symmetric_distance(first: np.ndarray, second: np.ndarray) -> float:
-    """Half the sum of the mean Euclidean distances [m] to the nearest point, both ways.
+    """Returns half the sum of the mean distances [m] to the nearest point, both directions.
 
     Args:
         first, second: (n, 3) and (m, 3) [m].
@@ -56,17 +56,16 @@ def symmetric_distance(first: np.ndarray, second: np.ndarray) -> float:
 
 
 def jitter(positions: np.ndarray, step: float) -> float:
-    """Mean norm of the second difference of positions over time [m/s^2].
+    """Returns the mean norm of the second difference of positions over time [m/s^2].
 
-    It is what restless vertices have when they ought to lie still; what moves has the acceleration
-    of its motion besides.
+    It measures unrest of vertices that should be at rest; in motion it includes the acceleration.
 
     Args:
         positions: (frames, n, 3) [m], at least 3 frames, the same points in each.
         step: time between frames [s].
 
     Raises:
-        InvalidArgumentError: if there are too few frames, or numbers that are none.
+        InvalidArgumentError: for too few frames, or values that are not finite.
     """
     positions = np.asarray(positions, float)
     if positions.ndim != 3 or positions.shape[2] != 3 or positions.shape[0] < 3:
@@ -78,12 +77,12 @@ def jitter(positions: np.ndarray, step: float) -> float:
 
 
 def _nearest(points: np.ndarray, cloud: np.ndarray, order: int) -> np.ndarray:
-    """Distance (n,) [m] of each of points (n, 3) from the nearest of a cloud (m, 3)."""
+    """Returns distances (n,) [m] of points (n, 3) from the nearest of a cloud (m, 3)."""
     return cKDTree(cloud).query(points, p=order)[0]
 
 
 def _cloud(argument: str, points: np.ndarray) -> np.ndarray:
-    """Points (n, 3) as they can be measured."""
+    """Returns points (n, 3) after validation."""
     points = np.asarray(points, float)
     if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
         raise InvalidArgumentError(argument, points.shape, "a shape (1 or more, 3)")

@@ -1,7 +1,7 @@
-"""How the rags of Blanco-Mulero et al. were moved: two primitives as functions of time.
+"""Motions of the rags of Blanco-Mulero et al.: two primitives as functions of time.
 
-Both grippers move alike, in Y and Z, by quintic polynomials one after the other, each from the end
-of the last to a position, velocity and acceleration that are given.
+Both grippers move equally, in Y and Z, by consecutive quintic polynomials, each from the end of the
+last to a given position, velocity and acceleration.
 """
 
 import math
@@ -10,11 +10,11 @@ import numpy as np
 
 from softgym_mj.exceptions import InvalidArgumentError, check_name
 
-GRIPPER_X = (0.020, 0.498)  # [m] The left and the right one.
+GRIPPER_X = (0.020, 0.498)  # [m] Left and right gripper.
 START = (0.0, 1.0)  # [m] Y and Z.
 
 # Duration [s], and position [m], velocity [m/s] and acceleration [m/s^2] at the end; None: at rest
-# where the last one ended, whatever acceleration it ended with.
+# at the last end, whatever its acceleration.
 Piece = tuple[float, tuple[float, float, float] | None]
 PIECES: dict[str, tuple[tuple[Piece, ...], tuple[Piece, ...]]] = {
     "dynamic": (
@@ -39,22 +39,22 @@ PIECES: dict[str, tuple[tuple[Piece, ...], tuple[Piece, ...]]] = {
 
 
 def duration(primitive: str) -> float:
-    """How long a primitive takes [s]."""
+    """Returns the duration of a primitive [s]."""
     check_name("primitive", primitive, PIECES)
     return math.fsum(length for length, _ in PIECES[primitive][0])
 
 
 def gripper_positions(primitive: str, times: np.ndarray) -> np.ndarray:
-    """Where both grippers are (n, 2, 3) [m] at times (n,) [s] after the start.
+    """Returns positions of both grippers (n, 2, 3) [m] at times (n,) [s] after the start.
 
     Before the start and after the end they stand still.
 
     Args:
         primitive: "dynamic", a fling onto the table, or "quasi_static", lowered and dragged.
-        times: any finite ones.
+        times: any finite times.
 
     Raises:
-        InvalidArgumentError: for another primitive, or times that are no numbers.
+        InvalidArgumentError: for another primitive, or times that are not finite.
     """
     check_name("primitive", primitive, PIECES)
     times = np.asarray(times, float)
@@ -66,7 +66,7 @@ def gripper_positions(primitive: str, times: np.ndarray) -> np.ndarray:
 
 
 def _along(start: float, pieces: tuple[Piece, ...], times: np.ndarray) -> np.ndarray:
-    """Positions (n,) [m] on one axis at times (n,) [s] within its pieces."""
+    """Returns positions (n,) [m] on one axis at times (n,) [s] within its pieces."""
     values, begin, state = np.full(len(times), start), 0.0, (start, 0.0, 0.0)
     for length, end in pieces:
         later = times >= begin
@@ -81,7 +81,7 @@ def _piece(
     length: float,
     times: np.ndarray,
 ) -> np.ndarray:
-    """Positions (n,) [m] of a piece, from a state to its end, at times (n,) [s] after its start."""
+    """Returns positions (n,) [m] of a piece, from a state to its end, at times (n,) [s]."""
     if end is None:
         return np.full(len(times), state[0])
     powers = length ** np.arange(3, 6.0)
@@ -104,12 +104,12 @@ def _piece(
 def _after(
     state: tuple[float, float, float], end: tuple[float, float, float] | None
 ) -> tuple[float, float, float]:
-    """The state at the end of a piece."""
+    """Returns the state at the end of a piece."""
     return (state[0], 0.0, 0.0) if end is None else end
 
 
 def _both(y: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Positions (n, 2, 3) of both grippers of their Y and Z (n,)."""
+    """Returns positions (n, 2, 3) of both grippers for their Y and Z (n,)."""
     positions = np.empty((len(y), len(GRIPPER_X), 3))
     positions[..., 0] = GRIPPER_X
     positions[..., 1], positions[..., 2] = y[:, None], z[:, None]

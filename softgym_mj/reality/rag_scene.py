@@ -1,26 +1,26 @@
-"""The rags' recordings as a scene: a rag that hangs from two grippers over a table."""
+"""Scene of the rags' recordings: a rag that hangs from two grippers over a table."""
 
 import numpy as np
 
 from softgym_mj.reality import primitives
 from softgym_mj.reality.meshes import Mesh
 
-TABLE = 0.2  # [m] Height of its top.
-# [m] By which a rag bulges first: a flat one would be pushed together instead of bending.
+TABLE = 0.2  # [m] Height of the table's top.
+# [m] Initial bulge of a rag: a flat one would be compressed instead of bending.
 BULGE = 1e-3
 
 
 def corners(mesh: Mesh) -> tuple[int, int]:
-    """The vertices of a flat mesh in the plane z = 0 that the left and right gripper hold.
+    """Returns the vertices of a flat mesh at z = 0 that the left and right gripper hold.
 
-    They are those at +Y that are farthest at -X and +X.
+    They are the outermost ones towards +Y at -X and +X.
     """
     x, y = mesh.points[:, 0], mesh.points[:, 1]
     return int(np.argmin(x - y)), int(np.argmax(x + y))
 
 
 def hung(mesh: Mesh) -> np.ndarray:
-    """Vertices (n, 3) [m] of a flat rag that hangs down between the open grippers.
+    """Returns vertices (n, 3) [m] of a flat rag that hangs down between the open grippers.
 
     It bulges towards +Y by 1 mm in the middle between them.
     """

@@ -1,6 +1,6 @@
 """Recordings of three rags under two primitives: Blanco-Mulero et al., RA-L 9(3), 2024.
 
-Zenodo record 13823986, whose licence is to be read there; nothing is downloaded here. Its archive
+They are Zenodo record 13823986, which states the license; nothing is downloaded here. Its archive
 unpacks to `Benchmarking_cloth/<cloth>_<repeat>/<primitive>/cloud/NNNNN.ply`, 30 frames a second.
 """
 
@@ -12,19 +12,19 @@ from softgym_mj.reality.clouds import Cloud, read_ply, write_ply
 
 ROOT = "Benchmarking_cloth"
 FRAME_RATE = 30.0  # [1/s]
-CLOTHS = ("chequered", "cotton", "linen")  # Cotton is the one that tables call towel.
+CLOTHS = ("chequered", "cotton", "linen")  # Tables call cotton "towel".
 REPEATS = (0, 1, 2)
-FRAMES = {"dynamic": 130, "quasi_static": 420}  # Of each sequence.
-# How many frames of "dynamic" the published distances are means of, in each repeat: those before
-# the rag touches the table. Of "quasi_static" all count.
+FRAMES = {"dynamic": 130, "quasi_static": 420}  # Frames of each sequence.
+# Number of frames of "dynamic", in each repeat, over which the published distances are averaged:
+# those before the rag touches the table. Of "quasi_static" all count.
 FRAMES_BEFORE_CONTACT = {"chequered": (95, 95, 99), "cotton": (99, 98, 99), "linen": (90, 89, 89)}
 
 
 def counted_frames(cloth: str, repeat: int, primitive: str) -> int:
-    """How many frames of a sequence, from its first, the published distances are means of.
+    """Returns the number of frames of a sequence over which the published distances are averaged.
 
     Raises:
-        InvalidArgumentError: for a sequence that there is not.
+        InvalidArgumentError: for an unknown sequence.
     """
     _check(cloth, repeat, primitive)
     everything = FRAMES[primitive]
@@ -32,10 +32,10 @@ def counted_frames(cloth: str, repeat: int, primitive: str) -> int:
 
 
 def sequence_folder(folder: pathlib.Path, cloth: str, repeat: int, primitive: str) -> pathlib.Path:
-    """Where the clouds of a sequence are, below the folder that the archive was unpacked in.
+    """Returns the folder of a sequence's clouds below the folder of the unpacked archive.
 
     Raises:
-        InvalidArgumentError: for a sequence that there is not.
+        InvalidArgumentError: for an unknown sequence.
     """
     _check(cloth, repeat, primitive)
     return folder / ROOT / f"{cloth}_{repeat}" / primitive / "cloud"
@@ -44,15 +44,15 @@ def sequence_folder(folder: pathlib.Path, cloth: str, repeat: int, primitive: st
 def read_sequence(
     folder: pathlib.Path, cloth: str, repeat: int, primitive: str, frames: int | None = None
 ) -> list[Cloud]:
-    """The clouds of a sequence, frame by frame, in the frame of the published gripper positions.
+    """Reads the clouds of a sequence, in the frame of the published gripper positions.
 
     Args:
-        folder: that the archive was unpacked in.
+        folder: folder of the unpacked archive.
         cloth, repeat, primitive: of `CLOTHS`, `REPEATS`, `FRAMES`.
-        frames: how many there have to be; None for `FRAMES`.
+        frames: expected number of frames; None for `FRAMES`.
 
     Raises:
-        InvalidArgumentError: for a sequence that there is not.
+        InvalidArgumentError: for an unknown sequence.
         StoreError: with the name of the file, if frames are missing, too many or damaged.
     """
     clouds = sequence_folder(folder, cloth, repeat, primitive)
@@ -70,10 +70,10 @@ def read_sequence(
 def write_sequence(
     folder: pathlib.Path, cloth: str, repeat: int, primitive: str, clouds: Sequence[Cloud]
 ) -> None:
-    """Writes clouds as `read_sequence` reads them.
+    """Writes clouds in the format of `read_sequence`.
 
     Raises:
-        InvalidArgumentError: for a sequence that there is not, or clouds without colours.
+        InvalidArgumentError: for an unknown sequence, or clouds without colors.
     """
     target = sequence_folder(folder, cloth, repeat, primitive)
     target.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""`Recorder` makes a `Replay` of the steps of any engine: where vertices were, and what failed."""
+"""`Recorder`: makes a `Replay` (vertices and failures) from the steps of any engine."""
 
 import dataclasses
 import math
@@ -8,24 +8,24 @@ import numpy as np
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.reality.meshes import Mesh
 
-# What counts as a failure.
-MOST_STRAIN = 0.5  # Of any edge.
-DEEPEST = 0.01  # [m] Of a vertex under the floor.
+# Criteria of failures.
+MOST_STRAIN = 0.5  # Largest strain of an edge.
+DEEPEST = 0.01  # [m] Largest depth of a vertex under the floor.
 NOT_FINITE, STRAIN, UNDER_FLOOR = "not finite", "strain", "under the floor"
 
-PERCENTILE = 99.0  # Of the strain of edges.
+PERCENTILE = 99.0  # Percentile of the strain of edges.
 _ROUNDING = 1e-9  # [s]
 
 
 @dataclasses.dataclass(frozen=True)
 class Failure:
-    """What went wrong.
+    """Failure of a simulation.
 
     Attributes:
-        kind: "not finite", "strain" (an edge longer than 1.5 times its length at rest) or "under
-            the floor" (a vertex deeper than 1 cm).
-        time: when it did first [s].
-        value: the strain or the height over the floor [m] then.
+        kind: "not finite", "strain" (an edge longer than 1.5 times its rest length) or "under the
+            floor" (a vertex deeper than 1 cm).
+        time: first time [s] at which it occurred.
+        value: the strain or the height over the floor [m] at that time.
     """
 
     kind: str
@@ -35,14 +35,14 @@ class Failure:
 
 @dataclasses.dataclass(frozen=True)
 class Steps:
-    """How it was after each step.
+    """Statistics of each step.
 
     Attributes:
-        times: (s,) [s] at their ends.
-        strain_99: (s,) 99th percentile of the edges' elongation.
-        strain_max: (s,) the largest.
+        times: (s,) [s] at the ends of steps.
+        strain_99: (s,) 99th percentile of the edges' strain.
+        strain_max: (s,) largest strain.
         lowest: (s,) height [m] of the lowest vertex over the floor.
-        milliseconds: (s,) of the CPU that each took.
+        milliseconds: (s,) CPU time of each step.
     """
 
     times: np.ndarray
@@ -54,14 +54,13 @@ class Steps:
 
 @dataclasses.dataclass(frozen=True)
 class Replay:
-    """What a sheet did.
+    """Simulated motion of a sheet.
 
     Attributes:
-        times: (f,) [s] that were asked for.
-        positions: (f, n, 3) [m] of the vertices at these; not a number after numbers were not
-            finite.
-        steps: how it was after each step, from the beginning on.
-        failures: the first of each kind, in the order in which they came.
+        times: (f,) [s] requested times.
+        positions: (f, n, 3) [m] of the vertices at these; NaN after values that are not finite.
+        steps: statistics of each step, from the start on.
+        failures: the first of each kind, in chronological order.
     """
 
     times: np.ndarray
@@ -71,7 +70,7 @@ class Replay:
 
     @property
     def strain_99(self) -> float:
-        """Largest over all steps of the 99th percentile of the edges' elongation."""
+        """Largest value over all steps of the 99th percentile of the edges' strain."""
         return float(self.steps.strain_99.max())
 
     @property
@@ -81,23 +80,23 @@ class Replay:
 
     @property
     def milliseconds(self) -> float:
-        """CPU time of a step, on average."""
+        """Mean CPU time of a step."""
         return float(self.steps.milliseconds.mean())
 
 
 class Recorder:
-    """Takes down the steps of a simulation of a mesh, and makes a `Replay` of them."""
+    """Records the steps of a simulation of a mesh, and makes a `Replay`."""
 
     def __init__(self, mesh: Mesh, times: np.ndarray, floor: float | None = 0.0):
-        """Of a mesh that is asked for at some times.
+        """Starts a recording of a mesh at requested times.
 
         Args:
-            mesh: at rest.
+            mesh: mesh at rest.
             times: (f,) [s] in order.
-            floor: its height [m]; None for none.
+            floor: height of the floor [m]; None for none.
 
         Raises:
-            InvalidArgumentError: for times that are not finite or in no order.
+            InvalidArgumentError: for times that are not finite or not in order.
         """
         self._mesh, self._floor = mesh, floor
         self._times = np.asarray(times, float)
@@ -112,16 +111,16 @@ class Recorder:
         self._next = 0
 
     def start(self, when: float, positions: np.ndarray) -> None:
-        """Takes down where vertices (n, 3) [m] are before the first step, at a time [s]."""
+        """Records vertices (n, 3) [m] before the first step, at a time [s]."""
         if len(self._times) and when > self._times[0] + _ROUNDING:
             raise InvalidArgumentError("times", self._times[0], f"{when} s or later")
         self._pass(when, positions)
 
     def add(self, when: float, positions: np.ndarray, milliseconds: float) -> bool:
-        """Takes down a step: where vertices (n, 3) [m] are at its end [s], what it took.
+        """Records a step: vertices (n, 3) [m] at its end [s], and its CPU time.
 
         Returns:
-            Whether all numbers are finite, so that it makes sense to go on.
+            Whether all values are finite, so that the simulation can continue.
         """
         if not np.isfinite(positions).all():
             self._fail(NOT_FINITE, when, math.nan)
@@ -139,7 +138,7 @@ class Recorder:
         return True
 
     def see(self, when: float, positions: np.ndarray) -> bool:
-        """As `add`, of a step whose strain and heights are of no interest: it is not taken down."""
+        """Records vertices at the end of a step without its statistics."""
         if not np.isfinite(positions).all():
             self._fail(NOT_FINITE, when, math.nan)
             return False
@@ -147,11 +146,11 @@ class Recorder:
         return True
 
     def fail(self, when: float) -> None:
-        """Takes down that an engine gave up at a time [s], as if its numbers were not finite."""
+        """Records that an engine failed at a time [s], as if values were not finite."""
         self._fail(NOT_FINITE, when, math.nan)
 
     def replay(self) -> Replay:
-        """What was taken down."""
+        """Returns the recorded motion."""
         columns = np.array(self._steps, float).reshape(-1, 5).T
         return Replay(self._times, self._positions, Steps(*columns), tuple(self._failures.values()))
 
@@ -159,7 +158,7 @@ class Recorder:
         self._failures.setdefault(kind, Failure(kind, when, value))
 
     def _pass(self, when: float, positions: np.ndarray) -> None:
-        """Notes where vertices were at the times up to this one, straight between steps."""
+        """Interpolates vertices linearly at the requested times up to this one."""
         while self._next < len(self._times) and self._times[self._next] <= when + _ROUNDING:
             earlier, before = (when, positions) if self._before is None else self._before
             way = when - earlier

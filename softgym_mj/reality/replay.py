@@ -1,10 +1,10 @@
-"""A sheet whose held vertices go where hands went: what a recording of real cloth is compared with.
+"""Replays a recording of real cloth: a sheet whose held vertices follow the paths of hands.
 
     mesh = rectangle(0.6, 0.6, 0.03)
     hold = Hold((0, 20), lambda times: np.array(...))  # (n,) [s] to (n, 2, 3) [m].
     replay(mesh, Fabric.named("black_denim"), [hold], times=np.arange(0.0, 4.4, 1 / 30))
 
-What it did is a `Replay`.
+It returns a `Replay`.
 """
 
 import dataclasses
@@ -23,13 +23,13 @@ from softgym_mj.reality.meshes import Mesh
 from softgym_mj.reality.recorder import Recorder, Replay
 from softgym_mj.reality.sheets import BareSheet
 
-REACH = 0.05  # [m] From which a held vertex may start beside its way.
-# [bytes] That a step may take, of vertices and of pairs of them, which MuJoCo looks at as bodies;
-# its default is too little for thousands of vertices.
+REACH = 0.05  # [m] Largest initial distance of a held vertex from its path.
+# [bytes] Memory of a step, per vertex and per pair of vertices, which MuJoCo treats as bodies; its
+# default is too small for thousands of vertices.
 _MEMORY_OF_VERTEX, _MEMORY_OF_PAIR, _LEAST_MEMORY = 2**14, 3, 2**24
-_FLOOR_SIZE = 10.0  # [m] Of what is drawn; it has no end.
+_FLOOR_SIZE = 10.0  # [m] Rendered size; the plane is infinite.
 _ROUNDING = 1e-9  # [s]
-# MuJoCo starts anew when numbers are bad, and says so.
+# MuJoCo resets the simulation and warns if values are bad.
 _BAD = (
     mujoco.mjtWarning.mjWARN_BADQPOS,
     mujoco.mjtWarning.mjWARN_BADQVEL,
@@ -41,14 +41,14 @@ Path = Callable[[np.ndarray], np.ndarray]
 
 @dataclasses.dataclass(frozen=True)
 class Hold:
-    """Vertices that go where they are told to while they are held.
+    """Vertices that follow a path while they are held.
 
     Attributes:
         vertices: (k,) indices.
-        path: where they are (n, k, 3) [m] at times (n,) [s].
-        begin, end: when they are held [s]; afterwards they are let go of.
-        follows: whether vertices keep their distances from the path, as when it is that of a hand
-            which holds them; else they are on it.
+        path: returns positions (n, k, 3) [m] at times (n,) [s].
+        begin, end: start and end of the hold [s]; then the vertices are released.
+        follows: whether vertices keep their offsets from the path, such as that of a hand which
+            holds them; else they are on it.
     """
 
     vertices: tuple[int, ...]
@@ -59,10 +59,10 @@ class Hold:
 
 
 def check_holds(holds: Sequence[Hold], start: np.ndarray, begin: float) -> None:
-    """Raises `InvalidArgumentError` unless vertices at `start` (n, 3) [m] can be held like that.
+    """Raises `InvalidArgumentError` unless vertices at `start` (n, 3) [m] can be held in this way.
 
-    A vertex has to exist, to be held once at a time, and to be within 5 cm of its way at the start
-    unless it keeps its distance from it.
+    A vertex must exist, be held once at a time, and be within 5 cm of its path at the start unless
+    it keeps its offset from it.
     """
     taken: list[tuple[int, float, float]] = []
     for number, hold in enumerate(holds):
@@ -102,30 +102,31 @@ def replay(
 ) -> Replay:
     """Simulates a sheet whose held vertices follow their paths.
 
-    Between steps vertices go straight. It is the same, bit for bit, whenever it is called.
+    Between steps vertices are interpolated linearly. The result is bit-identical for equal
+    arguments.
 
     Args:
         mesh: the sheet at rest.
-        fabric: what it is made of.
-        holds: of vertices, none of which is held twice at a time.
-        times: (f,) [s] in order, from `begin` on, at which vertices are asked for.
-        start: where vertices are (n, 3) [m] at `begin`, at rest; None for where the mesh is.
-        begin: when it starts [s]; before 0 for what is to happen before a recording starts.
-        floor: height [m] of a plane without an end; None for none. Vertices lie half the fabric's
+        fabric: the fabric.
+        holds: holds of vertices, each of which is held once at a time.
+        times: (f,) [s] in order, from `begin` on, for which vertices are returned.
+        start: vertices (n, 3) [m] at `begin`, at rest; None for those of the mesh.
+        begin: start of the simulation [s]; negative for a preparation before the recording.
+        floor: height [m] of an infinite plane; None for none. Vertices rest half the fabric's
             thickness over it.
-        step: of the physics [s]; the solver makes 25 of each.
-        by_area: whether a vertex has the mass of the area around it. Else all have the same, as
-            MuJoCo shares the mass of a flex: that of a grid's rim is twice that of its area, and a
-            hem is too heavy, the more so the coarser the mesh is.
-        watched: whether steps are taken down, which takes a fifth of the time; else only numbers
-            that are not finite are a failure.
+        step: physics step [s], of 25 substeps.
+        by_area: whether a vertex has the mass of the area around it. Else all have the same mass,
+            as in MuJoCo: twice the mass of its area at a grid's rim, so that a hem is too heavy,
+            the more the coarser the mesh.
+        watched: whether statistics of steps are recorded, which takes a fifth of the time; else
+            only values that are not finite are a failure.
 
     Returns:
-        Positions at `times`, what steps took and how they were, failures. After numbers that are
-        not finite it stops.
+        Positions at `times`, statistics of the steps, failures. The simulation stops after values
+        that are not finite.
 
     Raises:
-        InvalidArgumentError: for shapes, times or holds that make no sense.
+        InvalidArgumentError: for invalid shapes, times or holds.
     """
     start = mesh.points if start is None else np.asarray(start, float)
     if start.shape != mesh.points.shape or not np.isfinite(start).all():
@@ -158,7 +159,7 @@ def replay(
 
 
 def stepped(model: mujoco.MjModel, data: mujoco.MjData) -> float | None:
-    """Makes a step; returns the milliseconds of the CPU that it took, None if MuJoCo gave up."""
+    """Simulates a step; returns its CPU time [ms], or None if MuJoCo failed."""
     before = time.thread_time()
     mujoco.mj_step(model, data)
     took = 1e3 * (time.thread_time() - before)
@@ -166,7 +167,7 @@ def stepped(model: mujoco.MjModel, data: mujoco.MjData) -> float | None:
 
 
 class _Hand:
-    """What makes a `Hold` of a sheet's vertices."""
+    """Applies a `Hold` to a sheet's vertices."""
 
     def __init__(self, sheet: BareSheet, hold: Hold, begin: float, ends: np.ndarray):
         self._sheet, self._hold, self._holds = sheet, hold, False
@@ -175,14 +176,14 @@ class _Hand:
         self._apart = np.zeros_like(self._first)
 
     def let_go(self, when: float) -> None:
-        """Opens if it is to, before a step whose middle is at a time [s]."""
+        """Releases the vertices if due, before a step whose middle is at a time [s]."""
         if self._holds and when >= self._hold.end:
             self._holds = False
             for vertex in self._hold.vertices:
                 self._sheet.release(vertex)
 
     def move(self, i: int, when: float, step: float) -> None:
-        """Goes where it is to be after the step i, whose middle is at a time [s]."""
+        """Moves the vertices to their positions after the step i, whose middle is at a time [s]."""
         if not self._hold.begin <= when < self._hold.end:
             return
         vertices = self._hold.vertices
@@ -199,7 +200,7 @@ class _Hand:
 def _compiled(
     mesh: Mesh, fabric: Fabric, floor: float | None, step: float
 ) -> tuple[BareSheet, mujoco.MjModel, mujoco.MjData]:
-    """A sheet over a floor, and nothing else."""
+    """Compiles a sheet over a floor, and nothing else."""
     root = mjcf.RootElement(model="replay")
     root.option.gravity = [0.0, 0.0, -fabrics.GRAVITY]
     sheet = BareSheet(mesh, fabric)
@@ -208,7 +209,7 @@ def _compiled(
     for part in (root, sheet.mjcf_model):
         part.size.memory, part.option.timestep = str(memory), step
     if floor is not None:
-        # The larger of both coefficients of friction counts: that of the sheet.
+        # MuJoCo uses the larger of both friction coefficients: that of the sheet.
         root.worldbody.add(
             "geom", type="plane", pos=[0, 0, floor], size=[_FLOOR_SIZE, _FLOOR_SIZE, 0.1],
             friction=[1e-3],

@@ -1,4 +1,4 @@
-"""`BareSheet`: a sheet of any mesh that is simulated and not drawn."""
+"""`BareSheet`: a sheet of any mesh that is simulated and not rendered."""
 
 import numpy as np
 
@@ -8,18 +8,18 @@ from softgym_mj.reality.meshes import Mesh
 
 
 class BareSheet(Sheet):
-    """A sheet without a skin: that of thousands of vertices takes longer to make than its motion.
+    """Sheet without a skin, which with thousands of vertices would take longer than the simulation.
 
     Attributes:
-        mesh: what it is at rest; triangles that are folded upon each other keep their folds.
+        mesh: mesh at rest; triangles that are folded onto each other keep their folds.
     """
 
     def _build(self, mesh: Mesh, fabric: Fabric | None = None, name: str = "sheet"):
         """Builds the sheet.
 
         Args:
-            mesh: what it is at rest.
-            fabric: what it is made of; None for a woven tablecloth.
+            mesh: mesh at rest.
+            fabric: the fabric; None for a woven tablecloth.
             name: model name.
         """
         self.mesh = mesh
@@ -30,7 +30,7 @@ class BareSheet(Sheet):
         return density * self.mesh.area
 
     def _set_skin(self) -> None:
-        """It has none."""
+        """Makes no skin."""
 
     def _skin(self, refinement: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         raise NotImplementedError("a BareSheet is not drawn")

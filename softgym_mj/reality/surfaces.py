@@ -1,7 +1,7 @@
-"""Points spread over a mesh, and which points of it a camera sees.
+"""Samples of a mesh's surface, and visibility of points from a camera.
 
-The distance of a real cloud from vertices alone has a floor of about half their spacing, which
-says more of the mesh than of the simulation; the distance from a sampled surface has none.
+The distance of a real cloud from vertices is at least about half their spacing, which depends on
+the mesh rather than on the simulation; the distance from a sampled surface has no such limit.
 """
 
 import dataclasses
@@ -11,40 +11,40 @@ import numpy as np
 from softgym_mj.exceptions import InvalidArgumentError, check_number
 from softgym_mj.rendering.calibration import Calibration
 
-SPACING = 0.005  # [m] About the noise of depth cameras at a metre.
-# [m] By how much something must be nearer to hide a point: above what rounding makes of the
-# triangles that it lies on itself, far below the distance of two layers.
+SPACING = 0.005  # [m] About the noise of depth cameras at a meter.
+# [m] Least depth difference of an occluder: above rounding errors of a point's own triangles, far
+# below the distance of two layers.
 CLEARANCE = 1e-5
-_ROUNDING = 1e-9  # What of a part makes no further one.
-_CELL = 8  # [pixels] Side of the squares by which points and triangles find each other.
-_CHUNK = 4096  # Triangles at a time: so many pairs with points fit into some ten megabytes.
+_ROUNDING = 1e-9  # Tolerance of the number of parts.
+_CELL = 8  # [pixels] Size of the grid cells that match points and triangles.
+_CHUNK = 4096  # Triangles at a time: their pairs with points fit into some ten megabytes.
 
 
 @dataclasses.dataclass(frozen=True)
 class SurfaceSamples:
-    """Points of a mesh by their places in its triangles: they move with its vertices.
+    """Points of a mesh in barycentric coordinates, which move with its vertices.
 
     Attributes:
-        corners: (n, 3) the vertices that each lies between.
-        weights: (n, 3) of these; their sum is 1.
+        corners: (n, 3) vertices of each point's triangle.
+        weights: (n, 3) barycentric coordinates; their sum is 1.
     """
 
     corners: np.ndarray
     weights: np.ndarray
 
     def points(self, vertices: np.ndarray) -> np.ndarray:
-        """Where they are (n, 3) [m] when the vertices (m, 3) [m] are there."""
+        """Returns positions (n, 3) [m] for vertices (m, 3) [m]."""
         return np.einsum("nk,nkx->nx", self.weights, np.asarray(vertices, float)[self.corners])
 
 
 def sample_surface(
     vertices: np.ndarray, triangles: np.ndarray, spacing: float = SPACING
 ) -> SurfaceSamples:
-    """A lattice on each triangle whose neighbours are at most `spacing` apart.
+    """Samples a lattice on each triangle whose neighbors are at most `spacing` apart.
 
-    Vertices, points of edges and of the inside; what triangles share is there once. An edge of
-    length l has ceil(l / spacing) parts, the inside of a triangle the lattice of its longest edge.
-    No point of the surface is farther than `spacing` from a sample.
+    It contains vertices and points of edges and of the interior, each once. An edge of length l has
+    ceil(l / spacing) parts, the interior of a triangle the lattice of its longest edge. No point of
+    the surface is farther than `spacing` from a sample.
 
     Args:
         vertices: (n, 3) [m].
@@ -52,7 +52,7 @@ def sample_surface(
         spacing: [m].
 
     Raises:
-        InvalidArgumentError: if shapes, indices or the spacing make no sense.
+        InvalidArgumentError: for invalid shapes, indices or spacing.
     """
     vertices, triangles = _mesh(vertices, triangles)
     check_number("spacing", spacing, gt=0.0)
@@ -84,20 +84,20 @@ def seen(
     calibration: Calibration,
     size: tuple[int, int],
 ) -> np.ndarray:
-    """Which of points (k, 3) [m] a camera sees: (k,) bool.
+    """Returns which of points (k, 3) [m] are visible to a camera: (k,) bool.
 
-    A point is seen if it is in the image and no triangle is nearer to the camera on the way to it,
-    by more than `CLEARANCE` in depth. The test is made at the point itself, not at pixels, so
-    that it does not depend on their number.
+    A point is visible if it is in the image and no triangle in front of it is nearer to the camera
+    by more than `CLEARANCE` in depth. The test is made at the point itself, not at pixels, so it
+    does not depend on the resolution.
 
     Args:
         points: vertices or samples of the surface, or any others.
-        vertices, triangles: (n, 3) [m] and (m, 3) of what may be in the way.
-        calibration: of the camera.
+        vertices, triangles: (n, 3) [m] and (m, 3) of occluders.
+        calibration: calibration of the camera.
         size: (height, width) of its images [pixels].
 
     Raises:
-        InvalidArgumentError: if shapes or indices make no sense, or a triangle reaches behind the
+        InvalidArgumentError: for invalid shapes or indices, or a triangle that reaches behind the
             camera.
     """
     vertices, triangles = _mesh(vertices, triangles)
@@ -107,7 +107,7 @@ def seen(
     places, depths = calibration.project(vertices)
     if depths[triangles].min() <= 0.0:
         raise InvalidArgumentError("vertices", float(depths.min()), "in front of the camera")
-    with np.errstate(divide="ignore", invalid="ignore"):  # Points beside the camera.
+    with np.errstate(divide="ignore", invalid="ignore"):  # Points in the camera's plane.
         spots, far = calibration.project(points)
     height, width = size
     in_image = (far > 0.0) & np.all(
@@ -127,7 +127,7 @@ def seen(
 
 
 def _add(corners: list, weights: list, owners: np.ndarray, places: np.ndarray) -> None:
-    """Notes the places (k, 3) in each of owners (n, 3)."""
+    """Appends points with barycentric coordinates (k, 3) in each of owners (n, 3)."""
     corners.append(np.repeat(owners, len(places), axis=0))
     weights.append(np.tile(places, (len(owners), 1)))
 
@@ -135,7 +135,7 @@ def _add(corners: list, weights: list, owners: np.ndarray, places: np.ndarray) -
 def _near(
     shapes: np.ndarray, spots: np.ndarray, size: tuple[int, int]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs of a triangle (n, 3, 2) and a spot (k, 2) whose cells of the image meet: (p,) twice."""
+    """Returns pairs of triangles (n, 3, 2) and spots (k, 2) that share cells: (p,) twice."""
     rows, columns = (side // _CELL + 1 for side in size)
     last = np.array([columns - 1, rows - 1])
     cell = np.clip(np.floor((spots + 0.5) / _CELL).astype(int), 0, last)
@@ -157,15 +157,15 @@ def _near(
 
 
 def _expanded(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Each index as often as its count says, and the number of each repetition: (sum,) twice."""
+    """Returns each index repeated by its count, and the number of each repetition: (sum,) twice."""
     owner = np.repeat(np.arange(len(counts)), counts)
     return owner, np.arange(len(owner)) - (np.cumsum(counts) - counts)[owner]
 
 
 def _depths(shapes: np.ndarray, depths: np.ndarray, spots: np.ndarray) -> np.ndarray:
-    """Depths (p,) [m] of triangles (p, 3, 2), (p, 3) deep, at spots (p, 2); infinite beside them.
+    """Returns depths (p,) [m] of triangles (p, 3, 2), (p, 3) deep, at spots (p, 2); else infinity.
 
-    What is linear in the image is the reciprocal of depth.
+    The reciprocal of depth is linear in the image.
     """
     away = shapes - spots[:, None]
     following = np.roll(away, -1, axis=1)
@@ -173,13 +173,13 @@ def _depths(shapes: np.ndarray, depths: np.ndarray, spots: np.ndarray) -> np.nda
     area = opposite.sum(axis=1)
     inside = np.all(opposite * np.sign(area)[:, None] >= 0.0, axis=1) & (area != 0.0)
     area = np.where(inside, area, 1.0)
-    weights = np.roll(opposite, -1, axis=1) / area[:, None]  # The edge across from each corner.
+    weights = np.roll(opposite, -1, axis=1) / area[:, None]  # Edge opposite to each corner.
     reciprocal = np.where(inside, np.sum(weights / depths, axis=1), 1.0)
     return np.where(inside, 1.0 / reciprocal, np.inf)
 
 
 def _mesh(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A mesh as it can be used."""
+    """Returns a mesh after validation."""
     vertices, triangles = np.asarray(vertices, float), np.asarray(triangles)
     if vertices.ndim != 2 or vertices.shape[1] != 3 or not np.isfinite(vertices).all():
         raise InvalidArgumentError("vertices", vertices.shape, "finite, of a shape (n, 3)")

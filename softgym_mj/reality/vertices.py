@@ -1,19 +1,19 @@
-"""`Vertices`: where those of all flexes of a plain MuJoCo model are, and how fast."""
+"""`Vertices`: positions and velocities of all flex vertices of a plain MuJoCo model."""
 
 import mujoco
 import numpy as np
 
 
 class Vertices:
-    """Vertices with three slides each, in bodies whose frame is the world's.
+    """Vertices with three slides each, in bodies aligned with the world.
 
     Attributes:
-        model, data: MuJoCo's.
+        model, data: MuJoCo model and data.
         dofs: (n, 3) of each vertex in `qvel`.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData):
-        """Those of a model, at the positions that its data have."""
+        """Finds the vertices of a model, at the positions in its data."""
         self.model, self.data = model, data
         bodies = model.flex_vertbodyid
         self._slides = model.jnt_qposadr[model.body_jntadr[bodies]][:, None] + np.arange(3)
@@ -22,14 +22,14 @@ class Vertices:
         mujoco.mj_forward(model, data)
 
     def positions(self) -> np.ndarray:
-        """Of all vertices (n, 3) [m]."""
+        """Returns positions (n, 3) [m] of all vertices."""
         return self.data.qpos[self._slides] + self._origin
 
     def velocities(self) -> np.ndarray:
-        """Of all vertices (n, 3) [m/s]."""
+        """Returns velocities (n, 3) [m/s] of all vertices."""
         return self.data.qvel[self.dofs]
 
     def place(self, positions: np.ndarray, velocities: np.ndarray | float = 0.0) -> None:
-        """Puts vertices (n, 3) [m] somewhere, with velocities alike [m/s]."""
+        """Sets positions (n, 3) [m] and velocities [m/s] of vertices."""
         self.data.qpos[self._slides] = positions - self._origin
         self.data.qvel[self.dofs] = velocities

@@ -1,7 +1,7 @@
-"""The rags' recordings for a search: repeat 0 to fit, the others to be held out.
+"""Recordings of rags for a search: repeat 0 to fit, the others held out.
 
-A rag is taken to be taut between its grippers: a pinch holds it within its corners, and with slack
-a sheet hangs in one of several shapes, which even the step of the simulation may decide.
+A rag is assumed taut between its grippers: a pinch holds it within its corners, and with slack a
+sheet hangs in one of several shapes, which may depend on the time step.
 """
 
 import dataclasses
@@ -29,23 +29,24 @@ from softgym_mj.reality.rag_scene import TABLE, corners, hung
 from softgym_mj.reality.replay import Hold, replay
 
 GAP = primitives.GRIPPER_X[1] - primitives.GRIPPER_X[0]  # [m]
-SIZE = (GAP, 0.63)  # [m] Between the grippers, and down.
+SIZE = (GAP, 0.63)  # [m] Width between the grippers, and height.
 SPACING = 0.0263  # [m] 19 x 25 vertices.
-FINER = 2.5  # By which a search's spacing and step are divided for its last refinements.
-# Not part of the data: where the benchmark's own script puts a virtual one.
+FINER = 2.5  # Divisor of a search's spacing and step for its last refinements.
+# Not part of the data: the position of the virtual camera in the benchmark's script.
 CAMERA = (-0.05, 1.774, 0.808)  # [m]
-# [s] Until which frames are looked at. Later a flung rag tells more of the mesh than of the fabric:
-# with half the spacing it is a centimetre elsewhere. A rag that has been dragged for five seconds
-# has told its friction.
+# [s] End of the frames that are used. Later, a flung rag depends more on the mesh than on the
+# fabric: with half the spacing it differs by a centimeter. Five seconds of dragging determine the
+# friction.
 LAST = {"dynamic": 2.5, "quasi_static": 11.0}
-_FRAMES = {"dynamic": 40, "quasi_static": 80}  # Of each that are looked at.
-_SETTLE, _TOGETHER = 1.0, 1.0  # [s] Before the primitive; the latter only if it is slack.
-_GRID = 0.01  # [s] Of what is kept of a motion.
-_AFTER = 0.1  # [s] That is simulated after the last frame: clocks may run early.
+_FRAMES = {"dynamic": 40, "quasi_static": 80}  # Frames that are used of each primitive.
+# [s] Durations before the primitive; the latter only if the rag is slack.
+_SETTLE, _TOGETHER = 1.0, 1.0
+_GRID = 0.01  # [s] Time step of stored motions.
+_AFTER = 0.1  # [s] Simulated after the last frame: clocks may be early.
 
 
 class RagScene(Scene):
-    """A rag under a primitive."""
+    """Rag that is moved by a primitive."""
 
     def __init__(
         self,
@@ -56,14 +57,14 @@ class RagScene(Scene):
         table: float = TABLE,
         step: float = solver.TIMESTEP,
     ):
-        """Of a rag of some size [m] (between the grippers, down), until so many seconds."""
+        """Sets up a rag of a size [m] (between the grippers, down), simulated until `end` [s]."""
         self.mesh = rectangle(*size, spacing)
         self._size, self._spacing, self._step = size, spacing, step
         self._primitive, self._end, self._table = primitive, end, table
         self._slack = size[0] - GAP
 
     def finer(self, by: float) -> "RagScene":
-        """The same with spacing and step divided."""
+        """Returns the scene with spacing and step divided."""
         return RagScene(
             self._primitive, self._end, self._size, self._spacing / by, self._table, self._step / by
         )
@@ -88,15 +89,15 @@ class RagScene(Scene):
 
 
 def read_task(folder: pathlib.Path, cloth: str, base: Fabric, **settings) -> Task:
-    """What a search has to meet, with a finer mesh for its last refinements.
+    """Returns the task of a search, with a finer mesh for its last refinements.
 
     Args:
-        folder, cloth: as of `read_rags`.
-        base: as of `Task`.
+        folder, cloth: as in `read_rags`.
+        base: as in `Task`.
         **settings: other arguments of `read_rags`.
 
     Raises:
-        StoreError: as of `read_rags`.
+        StoreError: as in `read_rags`.
     """
     scenes, recordings = read_rags(folder, cloth, **settings)
     finer = {name: scene.finer(FINER) for name, scene in scenes.items()}
@@ -116,18 +117,18 @@ def read_rags(
     table: float = TABLE,
     camera: tuple[float, float, float] | None = None,
 ) -> tuple[dict[str, RagScene], list[Recording]]:
-    """Scenes by name, and all recordings of a cloth; of frames those until `LAST`.
+    """Returns scenes by name, and all recordings of a cloth, with frames until `LAST`.
 
     Args:
-        folder: that the archive was unpacked in.
-        cloth: of `rags.CLOTHS`.
-        size: of the rag between the grippers, and down [m].
-        spacing: of the mesh's vertices [m].
-        table: its height [m].
-        camera: where it was [m]; None if unknown.
+        folder: folder of the unpacked archive.
+        cloth: name in `rags.CLOTHS`.
+        size: size of the rag between the grippers, and down [m].
+        spacing: spacing of the mesh's vertices [m].
+        table: height of the table [m].
+        camera: position of the camera [m]; None if unknown.
 
     Raises:
-        StoreError: if repeat 0 is not there, or files are damaged.
+        StoreError: if repeat 0 is missing, or files are damaged.
     """
     scenes: dict[str, RagScene] = {}
     found = []

@@ -1,6 +1,6 @@
-"""What is looked for: ratios to the density, as nothing else shows in how given hands move cloth.
+"""Unknown parameters: ratios to the density, since only these affect cloth with given hand motions.
 
-With grippers that go where they are told a sheet of twice the mass, stiffness and drag moves alike.
+With position-controlled grippers, a sheet of twice the mass, stiffness and drag moves identically.
 """
 
 import dataclasses
@@ -12,25 +12,25 @@ import numpy as np
 from softgym_mj.entities.fabric import Fabric
 from softgym_mj.exceptions import InvalidArgumentError
 
-# [m] Of real cloth; not looked for. That of `Fabric()` makes folds of two layers 2 cm high, and
-# finer meshes cannot have it between layers, so that they would move otherwise.
+# [m] Thickness of real cloth, a fixed parameter. With that of `Fabric()`, folds of two layers are 2
+# cm high, and finer meshes, whose layers cannot be so thick, would move differently.
 THICKNESS = 0.0025
-# Of density: where a search starts if a fabric has none, of whose logarithm there is no start.
-# About a third of what a strip of 0.5 m in the open has over 0.2 kg/m^2.
+# Share of the density: start of a search if a fabric has no added mass, whose logarithm is
+# undefined. About a third of that of an open strip of 0.5 m with 0.2 kg/m^2.
 _FIRST_ADDED_MASS = 0.7
 
 
 @dataclasses.dataclass(frozen=True)
 class Unknown:
-    """A number that is looked for.
+    """Unknown parameter.
 
     Attributes:
-        name, unit: of the number.
-        summary: what it is.
-        low, high: beyond which it is not looked for.
-        scale: by which searches spread at first: of its natural logarithm, or of itself.
-        is_logarithmic: whether searches go by its logarithm.
-        is_only_bounded: whether only the lower end of its interval is to be believed.
+        name, unit: of the parameter.
+        summary: description.
+        low, high: bounds of the search.
+        scale: initial spread of searches, in the natural logarithm or in the value itself.
+        is_logarithmic: whether searches use its logarithm.
+        is_only_bounded: whether only the lower end of its interval is meaningful.
     """
 
     name: str
@@ -43,11 +43,11 @@ class Unknown:
     is_only_bounded: bool = False
 
     def coordinate(self, value: float) -> float:
-        """Where searches see a value."""
+        """Returns the coordinate of a value."""
         return (math.log(value) if self.is_logarithmic else value) / self.scale
 
     def value(self, coordinate: float) -> float:
-        """The value of a coordinate."""
+        """Returns the value of a coordinate."""
         seen = coordinate * self.scale
         return math.exp(seen) if self.is_logarithmic else seen
 
@@ -60,8 +60,8 @@ UNKNOWNS = (
     Unknown("added_mass", "", "air taken along / density", 0.02, 10.0, 0.8),
     Unknown("friction", "", "friction on the floor", 0.05, 2.0, 0.5),
     Unknown("layer_friction", "", "friction between layers", 0.05, 2.0, 0.5),
-    # Above, substeps do not follow. What a rag sags by its own weight, rho g L^2 / 2 k, is a
-    # millimetre or two: no more than one knows of its length and of the camera's place.
+    # Upper limit of the substeps. A rag's sag under its own weight, rho g L^2 / 2 k, is a
+    # millimeter or two, below the uncertainty of its length and of the camera's position.
     Unknown("stretch", "m^2/s^2", "stretch stiffness / density", 300.0, 1e4, 0.8, True, True),
     Unknown(LATENCY, "s", "time of a frame - that of what it shows", -1.0, 1.0, 0.03, False),
 )
@@ -69,7 +69,7 @@ NAMES = tuple(unknown.name for unknown in UNKNOWNS)
 
 
 def values_of(fabric: Fabric, latency: float) -> dict[str, float]:
-    """The numbers, by name, of a fabric and a latency [s], moved into where they are looked for."""
+    """Returns the parameters of a fabric and a latency [s] by name, clipped to the bounds."""
     rho = fabric.density
     found = {
         "bending": fabric.bend_stiffness / rho,
@@ -84,7 +84,7 @@ def values_of(fabric: Fabric, latency: float) -> dict[str, float]:
 
 
 def fabric_of(values: Mapping[str, float], base: Fabric) -> Fabric:
-    """A fabric of numbers by name; density and what is not looked for are those of another one."""
+    """Returns a fabric with parameters by name; density and fixed ones are those of `base`."""
     rho = base.density
     return dataclasses.replace(
         base.bent(values["bending"] * rho),
@@ -97,7 +97,7 @@ def fabric_of(values: Mapping[str, float], base: Fabric) -> Fabric:
 
 
 def coordinates_of(values: Mapping[str, float]) -> np.ndarray:
-    """Where searches see numbers by name: (unknowns,)."""
+    """Returns the coordinates (unknowns,) of parameters by name."""
     missing = [name for name in NAMES if name not in values]
     if missing:
         raise InvalidArgumentError("values", sorted(values), f"also {', '.join(missing)}")
@@ -105,12 +105,12 @@ def coordinates_of(values: Mapping[str, float]) -> np.ndarray:
 
 
 def values_at(coordinates: Sequence[float] | np.ndarray) -> dict[str, float]:
-    """The numbers by name at coordinates (unknowns,)."""
+    """Returns parameters by name at coordinates (unknowns,)."""
     return {u.name: u.value(float(x)) for u, x in zip(UNKNOWNS, coordinates, strict=True)}
 
 
 def bounds(latency: float, reach: float) -> np.ndarray:
-    """Between which coordinates to search: (unknowns, 2); latencies within a reach of one [s]."""
+    """Returns search bounds (unknowns, 2), with latencies within `reach` of `latency` [s]."""
     rows = []
     for unknown in UNKNOWNS:
         low, high = unknown.low, unknown.high

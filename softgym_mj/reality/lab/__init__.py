@@ -1,4 +1,4 @@
-"""The lab: sheets of a fabric against theory, without any data."""
+"""Lab: experiments with sheets of a fabric compared with theory, without any data."""
 
 from softgym_mj.reality.lab.experiments import BOUNDS, Measurement
 from softgym_mj.reality.lab.report import run, write

@@ -1,4 +1,4 @@
-"""What is done to sheets in the lab: each gives what was measured and what theory says."""
+"""Experiments with sheets: each returns a measured value and the theoretical one."""
 
 import dataclasses
 import math
@@ -12,41 +12,41 @@ from softgym_mj.reality.lab.meshes import strip
 from softgym_mj.reality.lab.specimen import Specimen
 from softgym_mj.reality.lab.timing import USUAL, converged
 
-# Greatest share by which a measured number may be off, by experiment.
+# Largest relative error of each experiment.
 BOUNDS = {
     "cantilever": 0.10, "cantilever_sheet": 0.10, "hanging": 0.05, "hanging_sheet": 0.05,
     "falling": 0.05, "swinging": 0.05, "tilting": 0.02, "sliding": 0.02,
 }  # fmt: skip
-SPACING = 0.03  # [m] Between the vertices of sheets.
+SPACING = 0.03  # [m] Vertex spacing of sheets.
 
 _WIDTH = 8  # Cells across a strip,
-_CLAMPED = 2  # and that are clamped, about.
-_THIN = 0.05  # Of the spacing: thickness of what hangs.
+_CLAMPED = 2  # and approximate number of clamped cells.
+_THIN = 0.05  # Thickness of hanging sheets relative to the spacing.
 _FLAT = 1e-2  # [N m] Bending stiffness with which a small sheet stays flat.
 
 
 def _loose(fabric: Fabric, spacing: float) -> Fabric:
-    """What hangs freely: without air, and so thin that it never touches itself."""
+    """Returns a fabric without air and so thin that a hanging sheet never touches itself."""
     return dataclasses.replace(fabric, drag=0.0, thickness=_THIN * spacing)
 
 
 def _period(fabric: Fabric, length: float) -> float:
-    """Of the slowest swing of a cantilever so long [m], in seconds."""
+    """Returns the period [s] of the slowest oscillation of a cantilever of a length [m]."""
     return 1.79 * length**2 * math.sqrt(fabric.density / fabric.bend_stiffness)
 
 
 @dataclasses.dataclass(frozen=True)
 class Measurement:
-    """A number that was measured.
+    """Measured number.
 
     Attributes:
         experiment: one of `BOUNDS`.
-        fabric: name of what the sheet was made of.
+        fabric: name of the fabric.
         mesh: one of `meshes.MESHES`.
-        quantity: what was measured, with its unit.
-        value: of it.
-        expected: by theory.
-        settings: the numbers of the experiment, by name, with units in the names.
+        quantity: measured quantity, with its unit.
+        value: measured value.
+        expected: theoretical value.
+        settings: parameters of the experiment by name, with units in the names.
     """
 
     experiment: str
@@ -59,17 +59,17 @@ class Measurement:
 
     @property
     def error(self) -> float:
-        """By which share of what is expected it is off."""
+        """Relative error."""
         return self.value / self.expected - 1.0
 
     @property
     def bound(self) -> float:
-        """By which share it may be off."""
+        """Largest allowed relative error."""
         return BOUNDS[self.experiment]
 
     @property
     def passed(self) -> bool:
-        """Whether it is within the bound."""
+        """Whether the error is within the bound."""
         return abs(self.error) <= self.bound
 
 
@@ -81,20 +81,20 @@ def cantilever(
     load: float = 5.0,
     spacing: float | None = None,
 ) -> Measurement:
-    """A strip, clamped at one end, hangs under its weight: effective bending stiffness.
+    """Measures the effective bending stiffness of a clamped strip that hangs under its weight.
 
-    That is the one of the elastica with the same drop over width. The load is weight per area times
+    It is that of the elastica with the same drop over width. The load is weight per area times
     length^3 over bending stiffness.
 
     Args:
-        fabric: what it is made of.
-        name: of that.
+        fabric: the fabric.
+        name: name of the fabric.
         mesh: one of `meshes.MESHES`.
-        cells: spacings that it is long, 3 or more.
+        cells: length of the strip in spacings, 3 or more.
         load: 0.02..500.
-        spacing: between vertices [m]; gravity is such that the load is right, and time as fine as
-            in tasks. None: as long as it is under the Earth's gravity with this load, and in
-            substeps so fine that the solver converges.
+        spacing: vertex spacing [m]; gravity is adjusted to the load, and time steps are those of
+            tasks. None for the length that has this load under Earth's gravity, and for substeps so
+            fine that the solver converges.
     """
     if cells < 3:
         raise InvalidArgumentError("cells", cells, "3 or more")
@@ -109,7 +109,7 @@ def cantilever(
     points, triangles = strip(mesh, cells + _CLAMPED, _WIDTH, spacing)
     rows = np.unique(points[:, 0].round(9))
     rows = rows[rows <= _CLAMPED * spacing + 1e-9]
-    # Half of what is clamped last bends, too: hinges fold at the last row that is held.
+    # Half of the last clamped cell bends, too: hinges fold at the last row that is held.
     clamp = (rows[-1] + rows[-2]) / 2.0
     length = points[:, 0].max() - clamp
     gravity = load * fabric.bend_stiffness / (fabric.density * length**3)
@@ -134,15 +134,15 @@ def cantilever(
 
 
 def hanging(fabric: Fabric, name: str, cells: int = 12, is_fine: bool = True) -> Measurement:
-    """A strip hangs from its upper edge: mean strain under its own weight.
+    """Measures the mean strain of a strip that hangs from its upper edge under its own weight.
 
     Args:
-        fabric, name, cells: as of `cantilever`.
+        fabric, name, cells: as in `cantilever`.
         is_fine: whether substeps are so fine that the solver converges; else those of tasks.
     """
     points, triangles = strip("grid_0", cells, _WIDTH, SPACING)
     timing = converged(fabric, SPACING) if is_fine else USUAL
-    down = (theory.GRAVITY, 0.0, 0.0)  # Along the strip: it lies as it would hang.
+    down = (theory.GRAVITY, 0.0, 0.0)  # Gravity acts along the strip, which lies flat.
     specimen = Specimen(
         points, triangles, timing.applied(_loose(fabric, SPACING)),
         gravity=down, substeps=timing.substeps, timestep=timing.timestep,
@@ -159,15 +159,15 @@ def hanging(fabric: Fabric, name: str, cells: int = 12, is_fine: bool = True) ->
 
 
 def falling(fabric: Fabric, name: str, spacing: float = SPACING) -> Measurement:
-    """A small flat sheet falls along its normal: its speed after 3 s.
+    """Measures the speed of a small flat sheet that falls along its normal for 3 s.
 
-    It has a bending stiffness of 1e-2 N m, as a limp one does not stay flat.
+    Its bending stiffness is 1e-2 N m, because a limp sheet does not stay flat.
 
     Args:
-        fabric, name, spacing: as of `cantilever`; with drag.
+        fabric, name, spacing: as in `cantilever`; with drag.
     """
     if fabric.drag <= 0.0:
-        raise InvalidArgumentError("drag", fabric.drag, "above 0, to fall at an even speed")
+        raise InvalidArgumentError("drag", fabric.drag, "above 0, for a terminal speed")
     points, triangles = strip("grid_0", 2, 2, spacing)
     flat = dataclasses.replace(fabric, bend_stiffness=_FLAT, bend_weft=0.0, bend_bias=0.0)
     specimen = Specimen(points, triangles, flat)
@@ -178,21 +178,21 @@ def falling(fabric: Fabric, name: str, spacing: float = SPACING) -> Measurement:
     return Measurement("falling", name, "grid_0", "speed [m/s]", speed, expected, settings)
 
 
-_SWINGS = 6  # Half ones.
-_AMPLITUDE = 0.5  # [rad] From which a strip is let go.
+_SWINGS = 6  # Half swings.
+_AMPLITUDE = 0.5  # [rad] Initial amplitude.
 
 
 def swinging(fabric: Fabric, name: str, cells: int = 6) -> Measurement:
-    """A strip that hangs from one edge swings in the air: what is left of its amplitude.
+    """Measures the amplitude of a strip that swings in the air from one edge, after three swings.
 
-    After three swings, against the equation of a rigid plate in the same air. It has a bending
-    stiffness of 1e-2 N m, as a limp one does not stay flat.
+    It is compared with the equation of a rigid plate in the same air. Its bending stiffness is 1e-2
+    N m, because a limp strip does not stay flat.
 
     Args:
-        fabric, name, cells: as of `cantilever`; with drag.
+        fabric, name, cells: as in `cantilever`; with drag.
     """
     if fabric.drag <= 0.0:
-        raise InvalidArgumentError("drag", fabric.drag, "above 0, to swing ever less")
+        raise InvalidArgumentError("drag", fabric.drag, "above 0, for a decaying swing")
     points, triangles = strip("grid_0", cells, 2, SPACING)
     flat = dataclasses.replace(fabric, bend_stiffness=_FLAT, bend_weft=0.0, bend_bias=0.0)
     specimen = Specimen(points, triangles, flat)
@@ -226,21 +226,21 @@ _MOST_ANGLES = 2000
 
 
 def _peak(angles: list[float]) -> float:
-    """The largest value of the parabola through three angles [rad]."""
+    """Returns the maximum of the parabola through three angles [rad]."""
     before, middle, after = angles
     bend = before - 2.0 * middle + after
     return middle if bend == 0.0 else middle - (after - before) ** 2 / (8.0 * bend)
 
 
-_TILT_SPEED = 0.02  # By which a slope's tangent grows in a second.
-_SLIPPED = 1e-4  # [m] What has moved by this slides.
+_TILT_SPEED = 0.02  # [1/s] Rate of the slope's tangent.
+_SLIPPED = 1e-4  # [m] Displacement from which a sheet counts as sliding.
 
 
 def tilting(fabric: Fabric, name: str, spacing: float = SPACING) -> Measurement:
-    """A sheet on a floor that is tilted slowly: the slope at which it slips.
+    """Measures the slope at which a sheet on a slowly tilted floor slips.
 
     Args:
-        fabric, name, spacing: as of `cantilever`.
+        fabric, name, spacing: as in `cantilever`.
     """
     specimen = _lying(fabric, spacing)
     slope = 0.9 * fabric.friction
@@ -259,10 +259,10 @@ def tilting(fabric: Fabric, name: str, spacing: float = SPACING) -> Measurement:
 def sliding(
     fabric: Fabric, name: str, steepness: float = 1.3, spacing: float = SPACING
 ) -> Measurement:
-    """A sheet slides down a slope for a second: friction, of the way that it gets.
+    """Measures friction by the distance that a sheet slides down a slope in a second.
 
     Args:
-        fabric, name, spacing: as of `cantilever`.
+        fabric, name, spacing: as in `cantilever`.
         steepness: slope over friction, above 1.
     """
     specimen = _lying(dataclasses.replace(fabric, drag=0.0), spacing)
@@ -284,7 +284,7 @@ def _lying(fabric: Fabric, spacing: float) -> Specimen:
 
 
 def _tilt(specimen: Specimen, slope: float) -> None:
-    """Turns gravity instead of the floor."""
+    """Tilts gravity instead of the floor."""
     angle = math.atan(slope)
     specimen.model.opt.gravity[:] = [
         theory.GRAVITY * math.sin(angle), 0.0, -theory.GRAVITY * math.cos(angle)

@@ -1,22 +1,22 @@
-"""Strips along X with their mesh turned, or without any order, to be clamped and hung."""
+"""Strips along X with a rotated or unstructured mesh, to be clamped and hung."""
 
 import numpy as np
 import scipy.spatial
 
 from softgym_mj.exceptions import check_name
 
-# How the mesh lies in a strip: grids by the angle [deg] between their lines and the strip.
+# Meshes of a strip: grids by the angle [deg] between their lines and the strip.
 MESHES = ("grid_0", "grid_45", "grid_90", "unstructured")
 
 
 def strip(mesh: str, cells: int, width: int, spacing: float) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (n, 3) [m] and triangles (m, 3) of a flat strip along X, from x = 0 on.
+    """Returns vertices (n, 3) [m] and triangles (m, 3) of a flat strip along X, starting at x = 0.
 
     Args:
         mesh: one of `MESHES`.
-        cells: about how many `spacing` long.
-        width: about how many `spacing` wide.
-        spacing: between vertices [m].
+        cells: approximate length in `spacing`.
+        width: approximate width in `spacing`.
+        spacing: vertex spacing [m].
     """
     check_name("mesh", mesh, MESHES)
     if mesh == "grid_45":
@@ -26,7 +26,7 @@ def strip(mesh: str, cells: int, width: int, spacing: float) -> tuple[np.ndarray
         places, triangles = _unstructured(cells, width)
     else:
         places, triangles = _grid(cells, width)
-        if mesh == "grid_90":  # The other lines of the same pattern run along it.
+        if mesh == "grid_90":  # The other lines of the same pattern are along the strip.
             places, triangles = _grid(width, cells)
             places, triangles = places[:, ::-1] * [1.0, 1.0], triangles[:, ::-1]
     places = places - [places[:, 0].min(), places[:, 1].mean()]
@@ -34,13 +34,13 @@ def strip(mesh: str, cells: int, width: int, spacing: float) -> tuple[np.ndarray
 
 
 def _square(i: int, j: int) -> list[list[tuple[int, int]]]:
-    """The two triangles of a cell; diagonals alternate, as in `Cloth`."""
+    """Returns the two triangles of a cell; diagonals alternate, as in `Cloth`."""
     a, b, c, d = (i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)
     return [[a, b, d], [a, d, c]] if (i + j) % 2 == 0 else [[a, b, c], [b, d, c]]
 
 
 def _numbered(nodes: list[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes (n, 2) and the triangles (m, 3) of all cells that lie between them."""
+    """Returns nodes (n, 2) and the triangles (m, 3) of all cells between them."""
     number = {node: n for n, node in enumerate(nodes)}
     cells = sorted({cell for i, j in nodes for cell in ((i, j), (i - 1, j), (i, j - 1))})
     corners = [triangle for i, j in cells for triangle in _square(i, j)]
@@ -53,7 +53,7 @@ def _grid(cells: int, width: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _bias(length: int, width: int) -> tuple[np.ndarray, np.ndarray]:
-    """Cut at 45 degrees; sides are diagonals of cells, of even parity: none is cut otherwise."""
+    """Returns a grid cut at 45 degrees along diagonals of cells of even parity."""
     size = length + width
     nodes = [
         (i, j)
@@ -66,12 +66,12 @@ def _bias(length: int, width: int) -> tuple[np.ndarray, np.ndarray]:
     return turned, triangles
 
 
-_SHARE = 0.3  # Of the spacing by which inner vertices are out of line.
+_SHARE = 0.3  # Irregularity of inner vertices relative to the spacing.
 _SEED = 0
 
 
 def _unstructured(cells: int, width: int) -> tuple[np.ndarray, np.ndarray]:
-    """Delaunay's triangles of vertices that are out of line, but where it is clamped and ends."""
+    """Returns a Delaunay triangulation of irregular vertices, regular at the clamp and the end."""
     x, y = np.meshgrid(np.arange(cells + 1.0), np.arange(width + 1.0), indexing="ij")
     moves = np.random.default_rng(_SEED).uniform(-_SHARE, _SHARE, (*x.shape, 2))
     moves[:3, :, 0] = moves[-1, :, 0] = 0.0

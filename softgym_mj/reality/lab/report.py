@@ -1,4 +1,4 @@
-"""Runs the experiments of the lab for fabrics, and writes what they measured."""
+"""Runs the experiments of the lab for fabrics, and writes the results."""
 
 import csv
 import itertools
@@ -14,25 +14,26 @@ from softgym_mj.reality.lab.meshes import MESHES
 from softgym_mj.storage.files import whole, write_json
 
 LOADS = (0.5, 5.0, 50.0)
-# How many cells long cantilevers are, all of them and with the spacing of sheets.
+# Lengths of cantilevers in cells, all of them and those with the spacing of sheets.
 CELLS, ALL_CELLS, CELLS_OF_SHEETS = (12,), (6, 12, 40), (6, 12)
 
 
 def run(
     names: Sequence[str], chosen: Sequence[str] = tuple(BOUNDS), is_thorough: bool = False
 ) -> Iterator[Measurement]:
-    """Does experiments with fabrics, one after the other.
+    """Runs experiments with fabrics, one after the other.
 
-    Strips of true size resist shear as was measured, others as sheets of the fabric do by default.
+    Strips of true size have the measured shear stiffness, others the default of sheets of the
+    fabric.
 
     Args:
-        names: of fabrics, of `softgym_mj.cloth.fabrics.FABRICS`.
-        chosen: which experiments, of `BOUNDS`.
+        names: names of fabrics in `softgym_mj.cloth.fabrics.FABRICS`.
+        chosen: experiments, of `BOUNDS`.
         is_thorough: whether cantilevers are 6, 12 and 40 cells long, and 6 and 12 with the spacing
             of sheets; else 12.
 
     Raises:
-        InvalidArgumentError: for a name that is none of these.
+        InvalidArgumentError: for an unknown name.
     """
     for experiment in chosen:
         check_name("experiment", experiment, BOUNDS)
@@ -66,11 +67,11 @@ def _run(name: str, chosen: Sequence[str], is_thorough: bool) -> Iterator[Measur
             yield do(fabric, name)
 
 
-_IN_AIR = ("falling", "swinging")  # Which need drag.
+_IN_AIR = ("falling", "swinging")  # Experiments that need drag.
 
 
 def record(measurement: Measurement) -> dict[str, object]:
-    """A measurement as a JSON object, its settings among the other names."""
+    """Returns a measurement as a JSON object, with its settings among the other names."""
     return {
         "experiment": measurement.experiment,
         "fabric": measurement.fabric,
@@ -86,7 +87,7 @@ def record(measurement: Measurement) -> dict[str, object]:
 
 
 def write(measurements: Sequence[Measurement], folder: pathlib.Path) -> tuple[pathlib.Path, ...]:
-    """Writes `lab.json` and `lab.csv` with the same numbers; returns these files.
+    """Writes `lab.json` and `lab.csv` with the same numbers; returns the two files.
 
     Raises:
         StoreError: if they cannot be written.
@@ -103,5 +104,5 @@ def write(measurements: Sequence[Measurement], folder: pathlib.Path) -> tuple[pa
 
 
 def _rounded(row: dict[str, object]) -> dict[str, object]:
-    """A record whose numbers have so many digits as tell something."""
+    """Returns a record whose numbers are rounded to significant digits."""
     return {k: float(f"{v:.6g}") if isinstance(v, float) else v for k, v in row.items()}

@@ -1,4 +1,4 @@
-"""`Specimen`: a sheet in plain MuJoCo, some of whose vertices are clamped."""
+"""`Specimen`: a sheet in plain MuJoCo with clamped vertices."""
 
 from collections.abc import Sequence
 
@@ -13,20 +13,20 @@ from softgym_mj.native.library import CLOTH, load_plugin
 from softgym_mj.reality.lab.theory import GRAVITY
 from softgym_mj.reality.vertices import Vertices
 
-_STILL = 1e-4  # Share of what has changed until then that a sheet at rest still changes by.
-_ROUNDING = 1e-8  # [m] Or by which it does so by rounding.
-_PEAKS = 3  # Times that the motion was stopped over which that is looked at.
+_STILL = 1e-4  # Convergence: change relative to the total change so far.
+_ROUNDING = 1e-8  # [m] Convergence: absolute change, due to rounding.
+_PEAKS = 3  # Number of stops of the motion between which the change is measured.
 _MOST_STEPS = 30_000
 
 
 class Specimen(Vertices):
-    """A sheet of a fabric, as entities make one of it, over a floor or not.
+    """Sheet of a fabric, with the parameters of the entities, with or without a floor.
 
     Attributes:
-        start: where vertices were (n, 3) [m].
+        start: initial vertices (n, 3) [m].
         triangles: (m, 3).
-        held: numbers of the vertices that are clamped.
-        steps: how many were made.
+        held: indices of the clamped vertices.
+        steps: number of steps so far.
     """
 
     def __init__(
@@ -40,15 +40,15 @@ class Specimen(Vertices):
         substeps: int = 25,
         timestep: float = solver.TIMESTEP,
     ):
-        """Makes it.
+        """Builds the model.
 
         Args:
-            points: vertices (n, 3) [m], flat; over a floor half of the fabric's thickness high.
+            points: vertices (n, 3) [m], flat; with a floor, half of the fabric's thickness high.
             triangles: (m, 3).
-            fabric: what it is made of.
+            fabric: the fabric.
             gravity: [m/s^2]
-            floor: whether there is one, at z = 0.
-            substeps: of a step.
+            floor: whether there is a floor at z = 0.
+            substeps: substeps of a step.
             timestep: [s]
         """
         load_plugin()
@@ -60,19 +60,19 @@ class Specimen(Vertices):
         self.start, self.held, self.steps = self.positions(), np.zeros(0, int), 0
 
     def weigh_by_area(self) -> None:
-        """Gives vertices the mass of what is nearest to them, so that the weight is even.
+        """Sets masses of vertices to those of their Voronoi areas, so that the weight is uniform.
 
-        As MuJoCo makes a flex, all weigh the same, those at the rim twice as much as their area.
+        By default MuJoCo gives all vertices of a flex the same mass, twice their share at the rim.
         """
         corners = self.start[self.triangles]
-        sides = corners[:, [2, 0, 1]] - corners  # From each corner, and
+        sides = corners[:, [2, 0, 1]] - corners  # Edges from each corner, and
         other = corners[:, [1, 2, 0]] - corners
         dots = (sides * other).sum(axis=2)
         doubled = np.linalg.norm(np.cross(sides[:, 0], other[:, 0]), axis=1)[:, None]
-        # Of each corner: a quarter of the squared sides that meet there times the cotangents of the
-        # angles opposite of them (Voronoi's areas).
+        # Area of each corner: a quarter of the squared sides that meet there times the cotangents
+        # of the opposite angles (Voronoi areas).
         cotangents = dots / doubled
-        squares = (other**2).sum(axis=2)  # From each corner to the next.
+        squares = (other**2).sum(axis=2)  # Squared edges from each corner to the next.
         shares = (
             squares * cotangents[:, [2, 0, 1]]
             + np.roll(squares, 1, axis=1) * cotangents[:, [1, 2, 0]]
@@ -85,22 +85,22 @@ class Specimen(Vertices):
         mujoco.mj_forward(self.model, self.data)
 
     def hold(self, vertices: np.ndarray) -> None:
-        """Clamps vertices (k,) where they are."""
+        """Clamps vertices (k,) at their positions."""
         self.held = np.asarray(vertices)
         self.model.dof_M0[self.dofs[self.held]] = HELD_MASS
 
     def step(self, count: int = 1) -> None:
-        """Steps; what is clamped stays."""
+        """Simulates steps; clamped vertices stay."""
         for _ in range(count):
             self.data.qvel[self.dofs[self.held]] = 0.0
             mujoco.mj_step(self.model, self.data)
         self.steps += count
 
     def settle(self) -> None:
-        """Steps until it hangs still.
+        """Simulates until it hangs still.
 
-        The motion is stopped whenever it begins to slow down: each time it was nearest to rest
-        (Cundall's kinetic damping of dynamic relaxation).
+        The motion is stopped whenever its kinetic energy peaks (Cundall's kinetic damping of
+        dynamic relaxation).
 
         Raises:
             SimulationError: if it does not come to rest.

@@ -1,4 +1,4 @@
-"""Closed forms that a sheet is compared with: the elastica, a hanging strip, drag, Coulomb."""
+"""Closed-form solutions for sheets: the elastica, a hanging strip, drag, Coulomb friction."""
 
 import functools
 import math
@@ -12,17 +12,17 @@ from softgym_mj.exceptions import InvalidArgumentError
 GRAVITY = 9.81  # [m/s^2]
 AIR_DENSITY = 1.2  # [kg/m^3] As in the plugin.
 
-# Slopes of the tip [rad] that the curve of the elastica is tabled at: evenly from nearly straight
-# to nearly upright, and then ever closer to upright, where loads grow without end.
+# Slopes of the tip [rad] at which the elastica is tabulated: uniform from nearly straight to nearly
+# upright, then ever closer to upright, where loads diverge.
 _SLOPES = np.concatenate([np.linspace(0.002, 1.5, 60), np.pi / 2 - np.geomspace(0.06, 1e-6, 40)])
 
 
 @functools.cache
 def _elastica() -> tuple[np.ndarray, np.ndarray]:
-    """Loads (n,) and drops over widths (n,) of clamped beams, both rising.
+    """Returns loads (n,) and drops over widths (n,) of clamped beams, both increasing.
 
     From the tip on, with lengths in (B / weight)^(1/3), the slope obeys a'' = -v cos a, a'(0) = 0.
-    Where it is 0 there is the clamp, and v^3 the load: no boundary value has to be searched for.
+    The clamp is where it is 0, and v^3 is the load, so no boundary value has to be searched for.
     """
 
     def slope(v, y):
@@ -44,7 +44,7 @@ def _elastica() -> tuple[np.ndarray, np.ndarray]:
 
 
 def drop_over_width(load: float) -> float:
-    """By how much a clamped beam's tip hangs lower, over how far out it is.
+    """Returns the drop of a clamped beam's tip over its horizontal reach.
 
     Args:
         load: weight per length times length^3 over bending stiffness, 0.02..500.
@@ -53,7 +53,7 @@ def drop_over_width(load: float) -> float:
 
 
 def load_of(drop_over_width: float) -> float:
-    """The load of the beam that has this drop over width; see `drop_over_width`."""
+    """Returns the load of the beam with this `drop_over_width`."""
     return _between(drop_over_width, "drop_over_width", *_elastica()[::-1])
 
 
@@ -65,7 +65,7 @@ def _between(value: float, name: str, x: np.ndarray, y: np.ndarray) -> float:
 
 
 def hanging_strain(density: float, stretch: float, length: float) -> float:
-    """Mean strain of a strip under its own weight.
+    """Returns the mean strain of a strip under its own weight.
 
     Args:
         density: [kg/m^2]
@@ -76,11 +76,11 @@ def hanging_strain(density: float, stretch: float, length: float) -> float:
 
 
 def terminal_speed(density: float, drag: float) -> float:
-    """Of a flat sheet that falls along its normal [m/s]: drag bears its weight.
+    """Returns the terminal speed [m/s] of a flat sheet that falls along its normal.
 
     Args:
         density: [kg/m^2]
-        drag: its coefficient.
+        drag: drag coefficient.
     """
     return math.sqrt(2.0 * density * GRAVITY / (AIR_DENSITY * drag))
 
@@ -88,7 +88,7 @@ def terminal_speed(density: float, drag: float) -> float:
 def swing_amplitude(
     density: float, drag: float, length: float, amplitude: float, half_swings: int
 ) -> float:
-    """How far a flat plate that hangs from an edge swings out [rad] after some half swings.
+    """Returns the amplitude [rad] of a flat plate hanging from an edge after some half swings.
 
     Its angle obeys rho L^3/3 a'' = -rho g L^2/2 sin a - (1/2) rho_air C L^4/4 a' |a'|, per width.
 
@@ -96,8 +96,8 @@ def swing_amplitude(
         density: rho [kg/m^2]
         drag: C.
         length: L [m]
-        amplitude: at which it is let go [rad].
-        half_swings: from one side to the other.
+        amplitude: initial amplitude [rad].
+        half_swings: number of swings from one side to the other.
     """
 
     def slope(t, y):

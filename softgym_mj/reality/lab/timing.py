@@ -1,4 +1,4 @@
-"""How fine time is in the lab, so that a sheet resists as its fabric says."""
+"""Time steps of the lab, so fine that a sheet has the nominal stiffness of its fabric."""
 
 import dataclasses
 import math
@@ -6,18 +6,19 @@ import math
 from softgym_mj.cloth import solver
 from softgym_mj.entities.fabric import Fabric
 
-# Rows of the solver that are this much softer than their vertices are light need no more than their
-# one turn: stiffness times substep^2 over mass, of edges and of hinges.
+# Stiffness times substep^2 over mass, of edges and of hinges, below which the solver's rows
+# converge in one iteration.
 _SOFT_EDGE, _SOFT_HINGE = 0.05, 0.1
-_HINGE_MASSES = 16.0  # Sum of squares of a hinge's weights, at most.
-_MOST_SUBSTEPS = 100  # Displacements within a step are in single precision.
-_STEPS_OF_PERIOD = 50.0  # At least: when it begins to slow down is seen at the end of a step.
-_DAMPED = 5.0  # Substeps that dampings may last: slower ones creep for long.
+_HINGE_MASSES = 16.0  # Largest sum of squares of a hinge's weights.
+_MOST_SUBSTEPS = 100  # Limited by the single precision of displacements within a step.
+# Least number: peaks of the kinetic energy are detected at the end of a step.
+_STEPS_OF_PERIOD = 50.0
+_DAMPED = 5.0  # Longest damping time in substeps: slower ones creep for long.
 
 
 @dataclasses.dataclass(frozen=True)
 class Timing:
-    """How fine time is: `substeps` of a step of `timestep` [s], and how long dampings last [s]."""
+    """Time resolution: `substeps` of a step of `timestep` [s], and the longest damping time [s]."""
 
     timestep: float
     substeps: int
@@ -25,11 +26,11 @@ class Timing:
 
     @property
     def substep(self) -> float:
-        """[s]"""
+        """Substep [s]."""
         return self.timestep / self.substeps
 
     def applied(self, fabric: Fabric) -> Fabric:
-        """The fabric with dampings of at most `damping`: what hangs still does not feel them."""
+        """Returns the fabric with damping times of at most `damping`; statics do not change."""
         return dataclasses.replace(
             fabric,
             stretch_damping=min(fabric.stretch_damping, self.damping),
@@ -37,13 +38,13 @@ class Timing:
         )
 
 
-USUAL = Timing(solver.TIMESTEP, 25, math.inf)  # Of the tasks.
+USUAL = Timing(solver.TIMESTEP, 25, math.inf)  # Time resolution of the tasks.
 
 
 def converged(fabric: Fabric, spacing: float, period: float = math.inf) -> Timing:
-    """So fine that a mesh with so much between its vertices [m] resists as the fabric says.
+    """Returns time steps for which a mesh of a vertex spacing [m] has the fabric's stiffness.
 
-    Steps are no longer than a share of `period` [s], too.
+    Steps are also limited to a share of `period` [s].
     """
     mass = fabric.density * spacing**2
     edge = math.sqrt(_SOFT_EDGE * mass / fabric.stretch_stiffness)
