@@ -97,7 +97,7 @@ def test_boxes_are_those_of_the_cups():
 
 def test_pick_and_place_goes_to_points_in_metres():
     env = make("ClothFlatten", action_mode="pickerpickplace", horizon=20, action_repeat=1)
-    centre = env.reset()[-6:].reshape(2, 3).mean(axis=0)
+    center = env.reset()[-6:].reshape(2, 3).mean(axis=0)
     np.testing.assert_allclose(env.action_space.high, [0.5, 0.3, 0.5, 1.0] * 2)
     observation, *_, info = env.step([0.1, 0.2, -0.2, 0.0, -0.3, 0.15, 0.25, 0.0])
     reached = [[0.1, 0.2, -0.2], [-0.3, 0.15, 0.25]]
@@ -105,7 +105,7 @@ def test_pick_and_place_goes_to_points_in_metres():
     assert info["total_steps"] > 20
     # A sphere of 5 cm in a box of 1 x 0.3 x 1 m around the cloth (docs/softgym.md 2.2).
     observation, *_ = env.step([0.5, 0.3, 0.5, 0.0, -0.5, 0.0, -0.5, 0.0])
-    ends = np.array([[0.45, 0.25, 0.45], [-0.45, 0.05, -0.45]]) + centre * [1, 0, 1]
+    ends = np.array([[0.45, 0.25, 0.45], [-0.45, 0.05, -0.45]]) + center * [1, 0, 1]
     ends = np.clip(ends, [-0.5, 0, -0.5], [0.5, 0.3, 0.5])
     np.testing.assert_allclose(observation[-6:].reshape(2, 3), ends, atol=1e-6)
 

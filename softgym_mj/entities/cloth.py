@@ -116,14 +116,14 @@ class Cloth(Sheet):
         """
         return metrics.particles(self.arrays, self.points() if vertices is None else vertices)
 
-    def flat(self, centre: tuple[float, float] = (0.0, 0.0), angle: float = 0.0) -> np.ndarray:
+    def flat(self, center: tuple[float, float] = (0.0, 0.0), angle: float = 0.0) -> np.ndarray:
         """Returns vertex positions (num_points, 3) [m] of the flat cloth on the floor.
 
         Args:
-            centre: (X, Y) of its center [m].
+            center: (X, Y) of its center [m].
             angle: rotation about +Z [rad].
         """
-        return self._turned(self._rest_points, centre, angle)
+        return self._turned(self._rest_points, center, angle)
 
     def resize(self, dims: tuple[int, int]) -> bool:
         """Resizes the cloth; returns True if the model changed and must be recompiled."""

@@ -158,9 +158,9 @@ class Fabric:
                 "added_mass", "kg/m^2", self.added_mass, (0.0, max(self.added_mass, 0.1)),
                 (0.0, max(2.0 * self.added_mass, 0.5)), "air taken along",
             ),
-            shifted("hue", "deg", 20.0, 90.0, "by which colours are turned", "visual"),
+            shifted("hue", "deg", 20.0, 90.0, "by which colors are turned", "visual"),
             Parameter(
-                "brightness", "", 1.0, (0.8, 1.0), (0.65, 1.0), "factor to colours", "visual"
+                "brightness", "", 1.0, (0.8, 1.0), (0.65, 1.0), "factor to colors", "visual"
             ),
             chosen("pattern", FABRICS, 3, "of the front, fainter on the back"),
         )  # fmt: skip

@@ -72,16 +72,16 @@ class Garment(Sheet):
         self.area = float(np.linalg.norm(normals, axis=1).sum() / 2)
         self._set_mesh(points, triangles)
 
-    def laid(self, centre: tuple[float, float] = (0.0, 0.0), angle: float = 0.0) -> np.ndarray:
+    def laid(self, center: tuple[float, float] = (0.0, 0.0), angle: float = 0.0) -> np.ndarray:
         """Returns vertex positions (num_points, 3) [m] in the shape of the file, on the floor.
 
         Args:
-            centre: (X, Y) [m] of the middle of its bounding box before rotation.
+            center: (X, Y) [m] of the middle of its bounding box before rotation.
             angle: rotation about +Z [rad].
         """
         low, high = self._rest_points.min(axis=0), self._rest_points.max(axis=0)
         upright = self._rest_points - [*(low + high)[:2] / 2, low[2]]
-        return self._turned(upright, centre, angle)
+        return self._turned(upright, center, angle)
 
     def _mass(self, density: float) -> float:
         return density * self.area

@@ -55,7 +55,7 @@ class Lights(Parametric):
         scaled("light_brightness", "", 1.0, 1.15, 1.4, "factor to the key light", "visual"),
         Parameter(
             "light_temperature", "K", WHITE, (4500.0, 8500.0), (2800.0, 14000.0),
-            "colour of the key light", "visual",
+            "color of the key light", "visual",
         ),
         scaled("ambient_brightness", "", 1.0, 1.15, 1.3, "factor to all other light", "visual"),
         chosen("lamps", LAMPS, 2, "further lamps, with shadow"),

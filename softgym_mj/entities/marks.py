@@ -15,7 +15,7 @@ from softgym_mj.entities.entity import Entity
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.validation import typed
 
-LINE_COLOR = (0.1, 0.7, 0.3, 0.8)  # Green: cloths, ropes and water have other colours.
+LINE_COLOR = (0.1, 0.7, 0.3, 0.8)  # Green: cloths, ropes and water have other colors.
 LINE_WIDTH, LINE_HEIGHT = 0.006, 0.002  # [m] Line on the floor; half of its height is visible.
 OUTLINE_WIDTH = 0.012  # [m] Width of outlines that are seen from afar or half covered.
 LEVEL_COLOR = (1.0, 0.0, 0.0, 1.0)  # SoftGym's red.

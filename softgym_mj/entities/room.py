@@ -51,13 +51,13 @@ class Room(Parametric):
     parameters = (
         chosen("table_pattern", tuple(TABLES), 3, "of the table"),
         scaled("table_scale", "", 1.0, 1.5, 2.5, "size of the table's pattern", "visual"),
-        shifted("table_hue", "deg", 25.0, 180.0, "by which the table's colour is turned", "visual"),
+        shifted("table_hue", "deg", 25.0, 180.0, "by which the table's color is turned", "visual"),
         Parameter(
-            "table_saturation", "", 0.0, (0.0, 0.1), (0.0, 0.4), "that the table's colour gains",
+            "table_saturation", "", 0.0, (0.0, 0.1), (0.0, 0.4), "that the table's color gains",
             "visual",
         ),
         Parameter(
-            "table_brightness", "", 1.0, (0.75, 1.0), (0.5, 1.0), "factor to the table's colour",
+            "table_brightness", "", 1.0, (0.75, 1.0), (0.5, 1.0), "factor to the table's color",
             "visual",
         ),
         shifted("backdrop_hue", "deg", 40.0, 180.0, "by which sky and room are turned", "visual"),

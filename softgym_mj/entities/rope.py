@@ -40,8 +40,8 @@ PARAMETERS = (
     scaled("bend_damping", "s", BEND_DAMPING, 2.0, 5.0, "dashpot to stiffness"),
     scaled("density", "kg/m", MASS / LENGTH, 1.4, 2.0, "mass of a unit of length"),
     scaled("friction", "", FRICTION, 1.2, 1.6, "on the floor and on itself"),
-    shifted("hue", "deg", 20.0, 90.0, "by which colours are turned", "visual"),
-    Parameter("brightness", "", 1.0, (0.75, 1.25), (0.5, 1.45), "factor to colours", "visual"),
+    shifted("hue", "deg", 20.0, 90.0, "by which colors are turned", "visual"),
+    Parameter("brightness", "", 1.0, (0.75, 1.25), (0.5, 1.45), "factor to colors", "visual"),
     chosen("pattern", ROPES, 2, "of the strands"),
 )
 

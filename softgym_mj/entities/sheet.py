@@ -116,11 +116,11 @@ class Sheet(Flex):
             counter-clockwise from the front, texture coordinates (n, 2) in 0..1.
         """
 
-    def _turned(self, points: np.ndarray, centre: tuple[float, float], angle: float) -> np.ndarray:
+    def _turned(self, points: np.ndarray, center: tuple[float, float], angle: float) -> np.ndarray:
         """Returns points (n, 3) [m] rotated about +Z by an angle [rad] and moved onto the floor.
 
-        The origin goes to `centre` (X, Y) [m], at the resting height.
+        The origin goes to `center` (X, Y) [m], at the resting height.
         """
         cosine, sine = math.cos(angle), math.sin(angle)
         turn = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-        return product(points, turn) + [*centre, self.radius]
+        return product(points, turn) + [*center, self.radius]

@@ -121,8 +121,8 @@ class SceneCamera(engine.Camera):
                 sun.pos[:] = place + radius * distance * away
                 sun.dir[:] = moved / np.linalg.norm(moved)
             dx, dy = (pixel * (_halton(i + 1, base) - 0.5) for base in (2, 3))
-            for eye, (centre, bottom, top) in zip(scene.camera, frames, strict=True):
-                eye.frustum_center = centre + dx
+            for eye, (center, bottom, top) in zip(scene.camera, frames, strict=True):
+                eye.frustum_center = center + dx
                 eye.frustum_bottom, eye.frustum_top = bottom + dy, top + dy
             self._render_on_gl_thread(depth=False, overlays=())
             total += _LIGHT[self._rgb_buffer]

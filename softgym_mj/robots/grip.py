@@ -16,13 +16,13 @@ class GripState(NamedTuple):
     """State of n grippers.
 
     Attributes:
-        centre: positions (..., n, 3) [m].
+        center: positions (..., n, 3) [m].
         held: the vertex that each holds, or `NONE` or `SLIPPED` (..., n).
         offset: displacement of the held vertex from the center (..., n, 3) [m].
         dropped: number of holds that have ended in this episode (...).
     """
 
-    centre: Array
+    center: Array
     held: Array
     offset: Array
     dropped: Array
@@ -58,7 +58,7 @@ def remembered(state: GripState) -> Array:
 
     -1 marks a gripper that lost its hold and takes nothing until it has opened.
     """
-    xp = namespace(state.centre)
+    xp = namespace(state.center)
     holds = xp.clip(state.held, SLIPPED, NONE + 1) - NONE
     offsets = state.offset * (holds > 0)[..., None]
     each = xp.concat([xp.astype(holds, offsets.dtype)[..., None], offsets], axis=-1)
@@ -90,17 +90,17 @@ def step_grips(
     Returns:
         The new state.
     """
-    xp = namespace(state.centre)
-    centre = xp.maximum(xp.minimum(state.centre + command.displacement, limits.high), limits.low)
+    xp = namespace(state.center)
+    center = xp.maximum(xp.minimum(state.center + command.displacement, limits.high), limits.low)
     held, dropped, free = state.held, state.dropped, state.held == NONE
     if may_be(xp, ~(command.closed | free)):
         held = xp.where(command.closed, held, NONE)
         dropped = dropped + (held < state.held).sum(-1)
-    result = GripState(centre, held, state.offset, dropped)
+    result = GripState(center, held, state.offset, dropped)
     seeking = command.closed & free
     if not may_be(xp, seeking):
         return result
-    offsets = points(state.centre)
+    offsets = points(state.center)
     squares = offsets * offsets  # Summed one by one, because libraries sum in various orders.
     distances = squares[..., 0] + squares[..., 1] + squares[..., 2]
     within = seeking[..., None] & (distances <= limits.reach**2)

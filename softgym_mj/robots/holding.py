@@ -28,7 +28,7 @@ class Holding:
     def __init__(self, num_grippers: int):
         """Starts with `num_grippers` grippers that hold nothing."""
         self._start = GripState(
-            centre=np.zeros((num_grippers, 3)),
+            center=np.zeros((num_grippers, 3)),
             held=np.full(num_grippers, NONE),
             offset=np.zeros((num_grippers, 3)),
             dropped=np.array(0),
@@ -110,11 +110,11 @@ class Attachment(Holding):
             if old < 0 <= new:
                 self._hold(i, new)
 
-    def drive(self, centres: np.ndarray, timestep: float) -> None:
-        """Moves held vertices so that they fit `centres` (n, 3) [m] after `timestep` [s]."""
+    def drive(self, centers: np.ndarray, timestep: float) -> None:
+        """Moves held vertices so that they fit `centers` (n, 3) [m] after `timestep` [s]."""
         if max(self.vertices) < 0:
             return
-        goals = self.places(centres)
+        goals = self.places(centers)
         self._release_overloaded(goals)
         for goal, vertex in zip(goals, self.vertices, strict=True):
             if vertex >= 0:
@@ -151,9 +151,9 @@ class Attachment(Holding):
         self._drop(i, SLIPPED)
         self.yielded += 1
 
-    def places(self, centres: np.ndarray) -> np.ndarray:
-        """Returns targets of held vertices (n, 3) [m] for grippers at `centres`; NaN for none."""
-        goals = centres + self.grips.offset
+    def places(self, centers: np.ndarray) -> np.ndarray:
+        """Returns targets of held vertices (n, 3) [m] for grippers at `centers`; NaN for none."""
+        goals = centers + self.grips.offset
         for goal, vertex in zip(goals, self.vertices, strict=True):
             if vertex >= 0:
                 goal[2] = max(goal[2], self._target.resting_height(vertex))

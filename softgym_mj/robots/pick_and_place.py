@@ -126,7 +126,7 @@ class RoutePicker(Picker):
 
     def _start(self) -> None:
         self._route, self._next = [], 0
-        self._end = self._centre.copy()
+        self._end = self._center.copy()
 
     def _go(self, goals: np.ndarray, grips: Sequence[bool]) -> None:
         """Adds a straight motion to `goals` (num_pickers, 3) [m], within the workspace."""
@@ -228,7 +228,7 @@ class PixelPickAndPlace(RoutePicker):
 
     def command(self, action: np.ndarray) -> None:
         ends = np.broadcast_to(self._low, (1, 3)), np.broadcast_to(self._high, (1, 3))
-        parts = routes(self._centre, self.point(action[:2]), action, *ends)
+        parts = routes(self._center, self.point(action[:2]), action, *ends)
         self._start()
         for (step, steps), closed in zip(parts, CLOSED, strict=True):
             self._route += [GripCommand(step, np.array([closed]))] * int(steps)

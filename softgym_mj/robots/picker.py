@@ -129,7 +129,7 @@ class Picker(Gripper):
     def place(self, positions: np.ndarray, workspace: Workspace) -> None:
         self._holding.reset()
         self._set_workspace(workspace)
-        self._centre[:] = positions
+        self._center[:] = positions
         self.slides[:] = positions
         self.slide_velocities[:] = 0.0
 
@@ -141,20 +141,20 @@ class Picker(Gripper):
         self._limits = GripLimits(low, high, self.pick_distance)
 
     @property
-    def _centre(self) -> np.ndarray:
-        return self._holding.grips.centre
+    def _center(self) -> np.ndarray:
+        return self._holding.grips.center
 
     def plan(self) -> None:
-        before = self._centre
+        before = self._center
         self._holding.step(self._command, self._limits)
-        self._step = self._centre - before
+        self._step = self._center - before
 
     def take(self, vertices: Sequence[int]) -> None:
         for i, vertex in enumerate(vertices):
-            self._holding.take(i, vertex, self._target.vertex(vertex) - self._centre[i])
+            self._holding.take(i, vertex, self._target.vertex(vertex) - self._center[i])
 
     def move(self, fraction: float, timestep: float) -> None:
-        position = self._centre
+        position = self._center
         if fraction < 1.0:
             position = position - (1.0 - fraction) * self._step
         np.subtract(position, self.slides, out=self.slide_velocities)
@@ -163,7 +163,7 @@ class Picker(Gripper):
 
     def held_positions(self) -> np.ndarray:
         """Returns the targets of held vertices (num_pickers, 3) [m]; NaN for none."""
-        return self._holding.places(self._centre)
+        return self._holding.places(self._center)
 
     def positions(self) -> np.ndarray:
-        return self._centre.copy()
+        return self._center.copy()

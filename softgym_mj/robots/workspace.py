@@ -15,7 +15,7 @@ class Workspace:
     low: tuple[float, float, float]
     high: tuple[float, float, float]
 
-    def centred_at(self, x: float, y: float) -> "Workspace":
+    def centered_at(self, x: float, y: float) -> "Workspace":
         """Returns a box of the same size with horizontal center (x, y), at the same heights."""
         half = [(high - low) / 2 for low, high in zip(self.low, self.high, strict=True)]
         return Workspace(
@@ -46,4 +46,4 @@ class ToolStart:
         The workspace is centered there.
         """
         x, y = ((points.min(axis=0) + points.max(axis=0))[:2] / 2).tolist()
-        return cls((x, y, height), workspace.centred_at(x, y))
+        return cls((x, y, height), workspace.centered_at(x, y))

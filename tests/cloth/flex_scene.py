@@ -90,12 +90,12 @@ def sheet(
     columns: int,
     spacing: float = SPACING,
     fabric: Fabric = LIMP,
-    centre: Sequence[float] = (0.0, 0.0, RADIUS),
+    center: Sequence[float] = (0.0, 0.0, RADIUS),
     **settings,
 ) -> Flex:
     """A flat cloth; vertex (row, column) is number row * columns + column, columns go along X."""
     x, y = np.meshgrid(np.arange(columns) - (columns - 1) / 2, np.arange(rows) - (rows - 1) / 2)
-    points = spacing * np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]) + centre
+    points = spacing * np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]) + center
     mass = fabric.density * spacing**2 * (rows - 1) * (columns - 1)
     material = material_of(fabric) | settings.pop("material", {})
     settings = {"friction": fabric.friction} | settings

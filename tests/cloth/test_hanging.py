@@ -45,10 +45,10 @@ def flexcomp(count: str, height: float, pins: str = "", mass: float = CORD_MASS)
 
 
 def load(
-    inside: str, mass: float, centre: str = "0 0 0", shape: str = "size='.01'", damping: float = 0.0
+    inside: str, mass: float, center: str = "0 0 0", shape: str = "size='.01'", damping: float = 0.0
 ) -> str:
     return f"""<body name="load" pos="0 0 {HEIGHT}"><joint type="free" damping="{damping}"/>
-      <geom {shape} mass="{mass}" pos="{centre}"/>{inside}</body>"""
+      <geom {shape} mass="{mass}" pos="{center}"/>{inside}</body>"""
 
 
 def hanging(end: str, mass: float, top: str = "", **settings) -> mujoco.MjModel:
@@ -89,7 +89,7 @@ def test_a_load_hangs_where_its_cord_ends(end, mass):
 
 @pytest.mark.parametrize("end", ["connect", "pin"])
 def test_a_load_that_hangs_by_its_side_comes_to_rest_below(end):
-    model = hanging(end, 0.1, TOP, centre=".02 0 -.03", damping=1e-4)
+    model = hanging(end, 0.1, TOP, center=".02 0 -.03", damping=1e-4)
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, 2000)
     # It still swings a little.
@@ -102,7 +102,7 @@ def test_a_load_that_hangs_by_its_side_comes_to_rest_below(end):
 def test_what_flies_free_keeps_its_momentum(end):
     """A box that tumbles, and the rope that it drags along by its side."""
     model = hanging(
-        end, 0.1, gravity=0.0, centre=".01 0 -.02", shape="type='box' size='.02 .015 .01'"
+        end, 0.1, gravity=0.0, center=".01 0 -.02", shape="type='box' size='.02 .015 .01'"
     )
     data = mujoco.MjData(model)
     data.joint(0).qvel[:] = [0.3, 0.5, -1.0, 2.0, 3.0, 1.0]
@@ -157,7 +157,7 @@ def test_a_sheet_carries_a_bar_by_many_vertices(pinned, mass):
 
 
 def test_a_cord_turns_a_wheel_that_is_hung_up_in_its_middle():
-    """Its centre of mass stays where it is: it turns until the rope hangs below."""
+    """Its center of mass stays where it is: it turns until the rope hangs below."""
     wheel = """<body name="load" pos="0 0 1"><joint type="hinge" axis="0 1 0" damping="1e-3"/>
       <geom type="cylinder" size=".05 .01" euler="90 0 0" mass=".1"/></body>"""
     rope = flexcomp("11 1 1", 0.9).replace('pos="0 ', 'pos=".05 ')

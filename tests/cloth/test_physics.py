@@ -280,11 +280,11 @@ def energy(scene: FlexScene, fabric: Fabric, shares: np.ndarray) -> float:
 def test_a_floating_pile_gains_no_energy_and_keeps_its_momentum(name, motion):
     start = pile(name, SMALL, PICKED).positions()
     fabric = dataclasses.replace(FABRICS[name], drag=0.0)
-    centred = start - start.mean(axis=0)
+    centered = start - start.mean(axis=0)
     velocities = {
         "noise": np.random.default_rng(0).normal(0, 0.3, start.shape),
-        "implosion": -8.0 * centred,
-        "spin": np.cross([0.0, 0.0, 8.0], centred) - 6.0 * centred,
+        "implosion": -8.0 * centered,
+        "spin": np.cross([0.0, 0.0, 8.0], centered) - 6.0 * centered,
     }[motion]
     scene = FlexScene(sheet(SMALL, SMALL, fabric=fabric), floor=False, gravity=(0, 0, 0))
     scene.place(start, velocities)
@@ -459,7 +459,7 @@ def solid_case(case: tuple) -> object:
 def test_a_falling_cloth_does_not_pass_through_a_thin_solid(kind, half, height):
     shift, speed = FALLS[height], np.sqrt(2 * GRAVITY * height)
     top = 0.1 if kind == "narrow" else half
-    flex = sheet(SMALL, SMALL, centre=(0.0, 0.0, HEIGHT + top + RADIUS + 0.01))
+    flex = sheet(SMALL, SMALL, center=(0.0, 0.0, HEIGHT + top + RADIUS + 0.01))
     scene = FlexScene(flex, scenery=solid_xml(kind, half, shift), hit_interval=10**9)
     scene.place(scene.positions(), [0.0, 0.0, -speed])
     corners = np.array([(i, j, 6 - i - j) for i in range(7) for j in range(7 - i)]) / 6
@@ -492,12 +492,12 @@ def test_cloth_catches_what_is_shot_at_it(speed):
     for x, y, away in [(0.0, 0.01, 0.05), (0.05, -0.07, 0.1), (-0.08, 0.02, 0.15)]:
         ball = f"""<body name="ball" pos="{x} {y} {0.2 + away}"><freejoint/>
           <geom type="sphere" size=".02" mass=".02"/></body>"""
-        pinned = sheet(13, 13, centre=(0, 0, 0.2), inside='<pin id="0 12 156 168"/>')
+        pinned = sheet(13, 13, center=(0, 0, 0.2), inside='<pin id="0 12 156 168"/>')
         scene = FlexScene(pinned, floor=False, scenery=ball)
         scene.data.qvel[scene.model.body("ball").dofadr[0] + 2] = -speed
         mujoco.mj_step(scene.model, scene.data, 10)
         mujoco.mj_kinematics(scene.model, scene.data)
         mujoco.mj_flex(scene.model, scene.data)
-        centre, vertices = scene.data.body("ball").xpos, scene.data.flexvert_xpos
-        near = np.argsort(np.linalg.norm(vertices[:, :2] - centre[:2], axis=1))[:4]
-        assert centre[2] > vertices[near, 2].min()
+        center, vertices = scene.data.body("ball").xpos, scene.data.flexvert_xpos
+        near = np.argsort(np.linalg.norm(vertices[:, :2] - center[:2], axis=1))[:4]
+        assert center[2] > vertices[near, 2].min()

@@ -63,7 +63,7 @@ def vertices(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
 @pytest.mark.parametrize("turn", ["0 180 0", "20 30 40"])
 def test_a_turned_and_moved_parent_changes_nothing(turn):
     """The same two sheets: the world is turned the other way, so that they are where they were."""
-    flexes = sheet(6, 6, centre=(0, 0, 0.2)), sheet(6, 6, centre=(0.02, 0.01, 0.25))
+    flexes = sheet(6, 6, center=(0, 0, 0.2)), sheet(6, 6, center=(0.02, 0.01, 0.25))
     plain = mujoco.MjModel.from_xml_string(model_xml(*flexes))
     data = mujoco.MjData(plain)
     mujoco.mj_step(plain, data, 60)
@@ -86,7 +86,7 @@ def test_a_turned_and_moved_parent_changes_nothing(turn):
 
 def test_a_parent_that_moves_carries_pinned_vertices():
     """A sheet pinned by one side to a sled, which drags it over the floor."""
-    flex = sheet(6, 6, centre=(0, 0, RADIUS + 0.001), inside='<pin id="0 6 12 18 24 30"/>')
+    flex = sheet(6, 6, center=(0, 0, RADIUS + 0.001), inside='<pin id="0 6 12 18 24 30"/>')
     model = mujoco.MjModel.from_xml_string(
         model_xml(flex, parent='name="sled"').replace(
             '<body name="sled">',
@@ -116,8 +116,8 @@ TIES = "<equality>" + "".join(
 
 @pytest.mark.parametrize(("pins", "ties"), [(PINNED, ""), ("", TIES)], ids=["pins", "equalities"])
 def test_a_hammock_holds_what_falls_on_it(pins, ties):
-    lower = sheet(9, 9, centre=(0, 0, 0.3), inside=pins)
-    upper = sheet(5, 5, centre=(0, 0, 0.35))
+    lower = sheet(9, 9, center=(0, 0, 0.3), inside=pins)
+    upper = sheet(5, 5, center=(0, 0, 0.35))
     model = mujoco.MjModel.from_xml_string(model_xml(lower, upper, floor=False, extra=ties))
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, 200)
@@ -132,7 +132,7 @@ def test_a_welded_vertex_follows_what_it_is_welded_to():
     sled = """<body name="sled" mocap="true" pos="-.075 -.075 .2"><geom type="sphere" size=".01"
       contype="0" conaffinity="0"/></body>"""
     weld = '<equality><weld body1="a_0" body2="sled" solref=".02 1"/></equality>'
-    flex = sheet(6, 6, centre=(0, 0, 0.2))
+    flex = sheet(6, 6, center=(0, 0, 0.2))
     model = mujoco.MjModel.from_xml_string(model_xml(flex, scenery=sled, extra=weld))
     data = mujoco.MjData(model)
     for _ in range(100):
@@ -169,7 +169,7 @@ def test_a_restored_mjdata_knows_how_hard_held_vertices_are_pulled():
 def test_flexes_with_instances_of_their_own_touch_each_other():
     """Sheet upon sheet, and a rope on both."""
     line = rope(straight(9, 0.02, (-0.08, 0.0, 0.1)), radius=0.004)
-    scene = FlexScene(sheet(7, 7), sheet(6, 6, centre=(0.0, 0.0, 0.05)), line, hit_interval=5)
+    scene = FlexScene(sheet(7, 7), sheet(6, 6, center=(0.0, 0.0, 0.05)), line, hit_interval=5)
     scene.step(150)
     assert scene.hits == 0
     lower, upper, above = np.split(scene.positions()[:, 2], [49, 49 + 36])
@@ -208,7 +208,7 @@ TABLE = '<geom name="table" type="box" size=".2 .2 .05" pos="0 0 .05" friction="
 
 
 def test_contacts_with_a_table_add_up_to_the_weight():
-    scene = FlexScene(sheet(8, 8, centre=(0, 0, 0.106)), scenery=TABLE.format(""))
+    scene = FlexScene(sheet(8, 8, center=(0, 0, 0.106)), scenery=TABLE.format(""))
     scene.step(100)
     forces = []
     for _ in range(20):
@@ -228,7 +228,7 @@ def test_contacts_with_a_table_add_up_to_the_weight():
      ('contype="1" conaffinity="0"', True), ('contype="0" conaffinity="1"', True)],
 )  # fmt: skip
 def test_what_touches_is_what_contype_and_conaffinity_say(bits, touches):
-    scene = FlexScene(sheet(8, 8, centre=(0, 0, 0.106)), scenery=TABLE.format(bits))
+    scene = FlexScene(sheet(8, 8, center=(0, 0, 0.106)), scenery=TABLE.format(bits))
     scene.step(60)
     assert (scene.positions()[:, 2].min() > 0.1) == touches
 

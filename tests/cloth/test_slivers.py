@@ -14,7 +14,7 @@ SPACING, RADIUS, COUNT = 0.02, 0.0025, 21  # [m], [m], vertices along a side.
 
 
 def _sheet(count=COUNT):
-    return sheet(count, count, SPACING, WOVEN, radius=RADIUS, centre=(0.0, 0.0, RADIUS))
+    return sheet(count, count, SPACING, WOVEN, radius=RADIUS, center=(0.0, 0.0, RADIUS))
 
 
 def with_sliver_at_the_rim(height: float) -> Flex:

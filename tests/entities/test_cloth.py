@@ -127,7 +127,7 @@ def test_layers_lie_a_thickness_apart():
     scene = ManipulationScene(Cloth(dims=(60, 60), fidelity="fast"))
     fold(scene, speed=0.6, rest=1.0)
     grid = scene.cloth.grid()
-    # The folded half, less the crease and its neighbours, on the half below.
+    # The folded half, less the crease and its neighbors, on the half below.
     upper = grid[:, : grid.shape[1] // 2 - 1, 2]
     assert np.median(upper) == pytest.approx(3 * RADIUS, abs=2e-4)
 
@@ -169,7 +169,7 @@ def test_a_marker_shows_the_other_side_on_an_eighth(fidelity):
         ((0.05625, 1.24375), (10, 200)),  # The smallest and the largest side.
     ],
 )
-def test_sizes_in_metres_are_whole_numbers_of_particle_spacings(size, dims):
+def test_sizes_in_meters_are_whole_numbers_of_particle_spacings(size, dims):
     cloth, same = Cloth(size), Cloth(dims=dims)
     assert cloth.dims == same.dims == dims and cloth.shape == same.shape
     width, depth, _ = np.ptp(cloth.flat(), axis=0)

@@ -46,8 +46,8 @@ def in_box(point, pose, size=SIZE):
 def test_inside_agrees_with_the_slow_test(degrees):
     pose = (0.3, 0.2, math.radians(degrees))
     cup, _ = placed(pose)
-    centre = [0.3 + 0.15 * math.sin(pose[2]), 0.0, 0.2 + 0.15 * math.cos(pose[2])]
-    points = centre + np.random.default_rng(0).uniform(-0.25, 0.25, (5000, 3))
+    center = [0.3 + 0.15 * math.sin(pose[2]), 0.0, 0.2 + 0.15 * math.cos(pose[2])]
+    points = center + np.random.default_rng(0).uniform(-0.25, 0.25, (5000, 3))
     expected = [in_box(point, pose) for point in points]
     assert 1000 < sum(expected) < 1400
     np.testing.assert_array_equal(cup.inside(points), expected)

@@ -65,8 +65,8 @@ def test_stable_baselines3_learns_with_hindsight():
         policy_kwargs={"net_arch": [8]}, device="cpu",
     )  # fmt: skip
     model.learn(24)
-    relabelled = model.replay_buffer.sample(64)
-    assert (relabelled.rewards <= 0.0).all() and (relabelled.rewards == 0.0).any()
+    relabeled = model.replay_buffer.sample(64)
+    assert (relabeled.rewards <= 0.0).all() and (relabeled.rewards == 0.0).any()
     env.close()
 
 

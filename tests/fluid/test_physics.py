@@ -253,7 +253,7 @@ def test_cohesion_pulls_a_cloud_together():
         cup.step(100)
         offset = cup.positions - cup.positions.mean(axis=0)
         spread[cohesion] = np.sqrt((offset**2).sum(axis=1).mean())
-        # Pairs pull equally: the centre stays.
+        # Pairs pull equally: the center stays.
         np.testing.assert_allclose(cup.velocities.mean(axis=0), 0, atol=1e-5)
     assert spread[5] < 0.9 * spread[0]
 

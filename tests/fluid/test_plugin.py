@@ -156,8 +156,8 @@ def test_a_fixed_body_holds_water_back_as_the_world_does():
         cup = FluidCup((5, 5), 5, scenery=scenery)
         cup.step(100)
         ends.append(cup.positions.copy())
-        centre = cup.positions - [0.01, 0.0, 0.03]
-        free = np.linalg.norm(centre, axis=1).min()
+        center = cup.positions - [0.01, 0.0, 0.03]
+        free = np.linalg.norm(center, axis=1).min()
         assert (free > 0.02 + 0.29 * SPACING) == bool(scenery)
     np.testing.assert_array_equal(ends[1], ends[2])
 

@@ -11,7 +11,7 @@ from softgym_mj.learning.methods.pixels import (
     Convolutions,
     PixelSAC,
     PixelSettings,
-    centre,
+    center,
     cropped,
     picture_size,
 )
@@ -88,8 +88,8 @@ def test_crops_are_those_of_padded_pictures(size, pad):
 
 def test_the_middle():
     x = torch.arange(7 * 6 * 3).reshape(7, 6, 3)
-    assert torch.equal(centre(x, (3, 4)), x[2:5, 1:5])
-    assert torch.equal(centre(x, (7, 6)), x)
+    assert torch.equal(center(x, (3, 4)), x[2:5, 1:5])
+    assert torch.equal(center(x, (7, 6)), x)
 
 
 def test_convolutions_are_those_of_pytorch():

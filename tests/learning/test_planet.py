@@ -16,7 +16,7 @@ import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.methods.planet import open_loop
-from softgym_mj.learning.methods.planet.latent import WorldModel, centred
+from softgym_mj.learning.methods.planet.latent import WorldModel, centered
 from softgym_mj.learning.methods.planet.layers import GRU, Decoder, Encoder
 from softgym_mj.learning.methods.planet.learner import (
     PlaNet,
@@ -220,9 +220,9 @@ def test_bfloat16_changes_little_but_the_speed():
 def test_frames_are_centred_by_their_bits():
     frames = torch.tensor([0, 7, 8, 255], dtype=torch.uint8)
     steps = np.array([0, 0, 1, 31])
-    np.testing.assert_allclose(centred(frames, 5, 0.0), steps / 32 - 0.5)
-    np.testing.assert_allclose(centred(frames, 5, 0.75), (steps + 0.75) / 32 - 0.5)
-    np.testing.assert_allclose(centred(frames, 8), (frames.numpy() + 0.5) / 256 - 0.5)
+    np.testing.assert_allclose(centered(frames, 5, 0.0), steps / 32 - 0.5)
+    np.testing.assert_allclose(centered(frames, 5, 0.75), (steps + 0.75) / 32 - 0.5)
+    np.testing.assert_allclose(centered(frames, 8), (frames.numpy() + 0.5) / 256 - 0.5)
 
 
 # ---------------------------------------------------------------------- planning
@@ -358,7 +358,7 @@ def test_it_predicts_rewards_and_images_from_actions_alone(trained):
         before = torch.zeros(1, 40, 1)
         for t in range(3):
             belief = model.advance(belief, latent, before)
-            latent = model.posterior(belief, model.encoder(centred(frames[:, :, t], 8))).mean
+            latent = model.posterior(belief, model.encoder(centered(frames[:, :, t], 8))).mean
             before = actions[:, :, t]
         states = model.imagine(belief, latent, actions[:, :, 2:].unbind(2))
         expected = torch.stack([model.reward(*state) for state in states], 2)

@@ -89,8 +89,8 @@ def test_picks_are_cloth_pixels_with_equal_chances():
     images = _blobs(corner, SIZE).expand(-1, number, -1, -1, -1)
     pick = wu.draw_pick(images)
     for k, cloth in enumerate(cloth_pixels(images)[:, 0].flatten(1)):
-        centres = pixel_centres(*SIZE)[cloth]
-        shares = (pick[k][:, None] == centres).all(-1).float().mean(0)
+        centers = pixel_centres(*SIZE)[cloth]
+        shares = (pick[k][:, None] == centers).all(-1).float().mean(0)
         assert len(shares) == (9, 4)[k] and shares.sum() == 1.0
         assert (shares * len(shares) - 1.0).abs().max() < 0.2
     bare = torch.tensor(FLOOR, dtype=torch.uint8).expand(2, number, *SIZE, 3)
@@ -99,8 +99,8 @@ def test_picks_are_cloth_pixels_with_equal_chances():
 
 
 def test_pixels_are_told_as_the_actor_takes_them():
-    centres = pixel_centres(2, 4)
-    assert centres[1].tolist() == [-0.25, -0.5] and centres[4].tolist() == [-0.75, 0.5]
+    centers = pixel_centres(2, 4)
+    assert centers[1].tolist() == [-0.25, -0.5] and centers[4].tolist() == [-0.75, 0.5]
 
 
 # ------------------------------------------------------------------ losses

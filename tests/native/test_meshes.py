@@ -152,9 +152,9 @@ def test_frames_neither_flip_nor_twist():
     for points in (bend(), helix(), fold()):
         grid = tube_of(points, 1e-3, sides, rings).vertices.reshape(-1, sides + 1, 3)
         body = grid[sides // 4 : -(sides // 4), :-1]
-        centres = body.mean(axis=1)
-        spokes = (body[:, 0] - centres) / 1e-3
-        tangents = np.gradient(centres, axis=0)
+        centers = body.mean(axis=1)
+        spokes = (body[:, 0] - centers) / 1e-3
+        tangents = np.gradient(centers, axis=0)
         tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
         # The part of a spoke's turn that is about the tangent.
         turns = np.einsum(
@@ -250,7 +250,7 @@ def test_still_water_is_flat(voxel):
     assert surface.volume == pytest.approx(len(points) * SPACING**3, rel=0.06)
     x, y, z = surface.vertices.T / SPACING
     top = (np.abs(x) < 7) & (np.abs(y) < 7) & (z > 2)
-    # The outermost particles, whose centres are at 3.5, reach half a spacing further.
+    # The outermost particles, whose centers are at 3.5, reach half a spacing further.
     np.testing.assert_allclose(z[top], 4.0, atol=0.35)
     assert z[top].std() < 0.05
     assert surface.normals[top, 2].min() > 0.95

@@ -44,8 +44,8 @@ CLOTH = """
 
 def pile(boxes: bool = True) -> mujoco.MjModel:
     """Two sheets that fall onto the floor and each other."""
-    upper = sheet(8, 8, centre=(0.02, 0.01, 0.12))
-    lower = sheet(9, 9, centre=(0.0, 0.0, 0.03))
+    upper = sheet(8, 8, center=(0.02, 0.01, 0.12))
+    lower = sheet(9, 9, center=(0.0, 0.0, 0.03))
     settings = {"scenery": BOXES, "extra": SERVO} if boxes else {}
     return mujoco.MjModel.from_xml_string(model_xml(lower, upper, **settings))
 

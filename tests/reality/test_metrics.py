@@ -52,7 +52,7 @@ def test_by_hand():
     assert metrics.symmetric_distance(sim, sim) == 0.0
 
 
-def test_manhattan_and_euclid_may_find_other_neighbours():
+def test_manhattan_and_euclid_may_find_other_neighbors():
     sim = np.zeros((1, 3))
     real = np.array([[0.5, 0.5, 0.5], [1.2, 0.0, 0.0]])  # 1.5 and 1.2 by Manhattan, .87 and 1.2.
     rag = metrics.rag_distances(sim, real)

@@ -1,4 +1,4 @@
-"""Distances from a surface against a slow reference: all triangles, by minimisation."""
+"""Distances from a surface against a slow reference: all triangles, by minimization."""
 
 import numpy as np
 import pytest

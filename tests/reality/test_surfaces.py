@@ -127,7 +127,7 @@ def test_what_is_seen_of_a_pile_is_what_rays_reach():
 
 def test_what_is_beside_the_image_or_behind_the_camera_is_not_seen():
     vertices, triangles = grid(2, 2, 0.1)
-    edge = 160 / 2 / 100  # [m] Half of the image's width at a metre.
+    edge = 160 / 2 / 100  # [m] Half of the image's width at a meter.
     points = np.array([[edge - 1e-6, 0, 0], [edge + 1e-6, 0, 0], [0, 0, 2.0], [0, 0, 1.0]])
     visible = surfaces.seen(points, vertices, triangles, looking_down(), SIZE)
     assert visible.tolist() == [True, False, False, False]

@@ -96,7 +96,7 @@ LIMITS = {
     },
 }
 
-# Body -> (mass [kg], centre of mass [m], inertia xx yy zz xy xz yz [kg m2] about it in link axes).
+# Body -> (mass [kg], center of mass [m], inertia xx yy zz xy xz yz [kg m2] about it in link axes).
 _FINGER = (0.015, (0, 0, 0), (2.375e-6, 2.375e-6, 7.5e-7, 0, 0, 0))
 # Solids of the parts' mass and size: a box of 10 x 13.5 x 80 mm, a cylinder along y.
 _ROD = tuple(0.03 / 12 * (a**2 + b**2) for a, b in ((0.0135, 0.08), (0.01, 0.08), (0.01, 0.0135)))
@@ -209,7 +209,7 @@ def simulate(model, data, duration):
 
 
 def turned(quaternion):
-    """Rotation matrix of a quaternion, which is normalised first."""
+    """Rotation matrix of a quaternion, which is normalized first."""
     return Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
 
 
@@ -291,10 +291,10 @@ def test_inertias_are_those_of_the_table(arm, model):
     table = INERTIAS[arm.name]
     assert {model.body(i).name for i in np.flatnonzero(model.body_mass)} == set(table)
     np.testing.assert_array_equal(model.body_gravcomp[1:], 1)
-    for name, (mass, centre, (xx, yy, zz, xy, xz, yz)) in table.items():
+    for name, (mass, center, (xx, yy, zz, xy, xz, yz)) in table.items():
         body = model.body(name)
         assert body.mass[0] == mass
-        np.testing.assert_allclose(body.ipos, centre, atol=1e-12)
+        np.testing.assert_allclose(body.ipos, center, atol=1e-12)
         rotation = turned(body.iquat)
         inertia = rotation @ np.diag(body.inertia) @ rotation.T
         expected = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])

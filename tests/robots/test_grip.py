@@ -20,14 +20,14 @@ LOW, HIGH, REACH = 0.125, 0.875, 0.25
 
 def slow(state, command, points, present) -> GripState:
     """The rules one by one, for one simulation."""
-    centre, held, offset, dropped = (np.array(part).tolist() for part in state)
+    center, held, offset, dropped = (np.array(part).tolist() for part in state)
     for i, closed in enumerate(command.closed):
         if not closed:
             dropped += held[i] >= 0
             held[i] = NONE
-    before = [list(point) for point in centre]
+    before = [list(point) for point in center]
     for i, way in enumerate(command.displacement.tolist()):
-        centre[i] = [max(min(c + w, HIGH), LOW) for c, w in zip(centre[i], way, strict=True)]
+        center[i] = [max(min(c + w, HIGH), LOW) for c, w in zip(center[i], way, strict=True)]
     for i, closed in enumerate(command.closed):
         if not closed or held[i] != NONE:
             continue
@@ -38,7 +38,7 @@ def slow(state, command, points, present) -> GripState:
                 distance = x * x + y * y + z * z
                 if distance < shortest:
                     shortest, held[i], offset[i] = distance, vertex, [x, y, z]
-    return GripState(*map(np.array, (centre, held, offset, dropped)))
+    return GripState(*map(np.array, (center, held, offset, dropped)))
 
 
 def steps():
@@ -83,7 +83,7 @@ def test_a_batch_follows_the_rules(convert):
         found = step_grips(
             GripState(*map(convert, state)),
             GripCommand(ways, closed),
-            lambda centres, held=held: held[..., None, :, :] - centres[..., None, :],
+            lambda centers, held=held: held[..., None, :, :] - centers[..., None, :],
             convert(present),
             bounds,
         )
@@ -95,7 +95,7 @@ def test_a_batch_follows_the_rules(convert):
         equal(found, expected)
         new = (expected.held >= 0) & (state.held < 0)
         taken += np.count_nonzero(new)
-        gaps = points[:, None] - state.centre[:, :, None]
+        gaps = points[:, None] - state.center[:, :, None]
         nearest = np.where(present[:, None], (gaps**2).sum(-1), np.inf).argmin(-1)
         contended += np.count_nonzero(new & (expected.held != nearest))
         expected.held[slipped] = SLIPPED
@@ -109,9 +109,9 @@ def test_one_simulation_follows_the_rules():
         command, points = GripCommand(*(c[0] for c in commands)), clouds[0]
         seen: list[np.ndarray] = []
 
-        def offsets(centres, points=points, seen=seen):
-            seen.append(centres)
-            return points - centres[..., None, :]
+        def offsets(centers, points=points, seen=seen):
+            seen.append(centers)
+            return points - centers[..., None, :]
 
         before = [np.array(part) for part in state]
         found = step_grips(state, command, offsets, None, limits())

@@ -142,7 +142,7 @@ def test_links_are_drawn_as_in_menagerie(arm):
                 assert model.geom_contype[geom] == model.geom_conaffinity[geom] == 0
 
 
-def test_a_model_that_is_rounded_to_millimetres_is_the_same_arm(root):
+def test_a_model_that_is_rounded_to_millimeters_is_the_same_arm(root):
     """Menagerie's UR5e; its base is turned, too."""
     for ours, theirs in (("0 0 0.1625", "0 0 0.163"), ("0 0 0.3922", "0 0 0.392"),
                          ("0 0.1263 0", "0 0.127 0"), ("0 0 0.0997", "0 0 0.1")):  # fmt: skip

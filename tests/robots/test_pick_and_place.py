@@ -21,7 +21,7 @@ def to(env, targets, grips):
     return np.column_stack([2 * fraction - 1, np.where(grips, 1.0, -1.0)]).ravel()
 
 
-def test_pickers_arrive_together_at_a_centimetre_a_sim_step():
+def test_pickers_arrive_together_at_a_centimeter_a_sim_step():
     env = make()
     env.reset(800)
     start = env.task.actor.positions()

@@ -30,7 +30,7 @@ class Facts:
     pick_distance: float
     reset_height: float
     spread: float  # Distance of two pickers at reset.
-    half_x: float  # Range of the centre around the reset point.
+    half_x: float  # Range of the center around the reset point.
     half_y: float
     low: float
     high: float
@@ -94,7 +94,7 @@ def make_scene(facts: Facts, num_pickers: int = 2, action_repeat: int = 1) -> Sc
     return _scenes[key]
 
 
-def box_centre(vertices: np.ndarray) -> np.ndarray:
+def box_center(vertices: np.ndarray) -> np.ndarray:
     return (vertices.min(axis=0) + vertices.max(axis=0))[:2] / 2
 
 
@@ -104,7 +104,7 @@ def box_centre(vertices: np.ndarray) -> np.ndarray:
 @BOTH
 def test_two_pickers_at_reset(facts):
     scene = make_scene(facts)
-    x, y = box_centre(scene.target.points())
+    x, y = box_center(scene.target.points())
     half = facts.spread / 2
     top = scene.target.points()[:, 2].max()  # Of this pile 0.18 m.
     height = top + 0.06 if facts is CLOTH else facts.reset_height
@@ -115,7 +115,7 @@ def test_two_pickers_at_reset(facts):
 
 def test_one_and_three_pickers_at_reset():
     scene = make_scene(ROPE, num_pickers=1)
-    x, y = box_centre(scene.target.points())
+    x, y = box_center(scene.target.points())
     np.testing.assert_allclose(scene.actor.positions(), [[x, y, 0.1]], atol=1e-12)
     scene = make_scene(ROPE, num_pickers=3)
     # A ring of radius 2 r sqrt(2) from -Y, every 120 degrees.
@@ -146,7 +146,7 @@ def test_displacement(action_repeat):
 @BOTH
 def test_workspace_limits(facts):
     scene = make_scene(facts, action_repeat=8)
-    x, y = box_centre(scene.target.points())
+    x, y = box_center(scene.target.points())
     lowest = [x - facts.half_x, y - facts.half_y, facts.low]
     highest = [x + facts.half_x, y + facts.half_y, facts.high]
     for corner, direction in ((lowest, -1.0), (highest, 1.0)):
@@ -261,7 +261,7 @@ def test_one_picker_holds_exactly_one_vertex():
         assert scene.held() == [0]
     for _ in range(10):
         scene.step([0, 0, 1, ON])
-    # The neighbours hang on the held end by the rope alone: a segment is 12.5 mm long.
+    # The neighbors hang on the held end by the rope alone: a segment is 12.5 mm long.
     heights = scene.target.points()[:, 2]
     assert scene.held() == [0]
     assert heights[0] == pytest.approx(0.10625, abs=1e-3)
@@ -290,7 +290,7 @@ def test_held_vertex_stays_above_the_floor(facts):
 
 def test_retry_while_moving():
     # From y = -0.09 towards the rope at y = 0, 3 cm above the floor: 5 cm are reached between
-    # y = -0.05 and y = -0.04, which is the old centre in the sixth of eight sim steps.
+    # y = -0.05 and y = -0.04, which is the old center in the sixth of eight sim steps.
     scene = make_scene(ROPE, num_pickers=1, action_repeat=8)
     scene.lay()
     scene.place([0.0, -0.09, 0.03])

@@ -17,7 +17,7 @@ DH = (
     (0.0, 0.0997, -math.pi / 2),
     (0.0, 0.0996, 0.0),
 )
-# A row for each link: mass [kg], centre of mass [m] in the frame at its end.
+# A row for each link: mass [kg], center of mass [m] in the frame at its end.
 LINKS = (
     (3.761, (0.0, -0.02561, 0.00193)),
     (8.058, (0.2125, 0.0, 0.11336)),
@@ -80,12 +80,12 @@ def test_the_flange_is_the_last_frame(postures):
 
 def test_masses_are_where_they_are_published_to_be(model, postures):
     for data, angles in postures:
-        for pose, name, (mass, centre), (xx, yy, zz, xy, xz, yz) in zip(
+        for pose, name, (mass, center), (xx, yy, zz, xy, xz, yz) in zip(
             frames(angles), BODIES, LINKS, INERTIAS, strict=True
         ):
             body = data.body(name)
             assert model.body(name).mass[0] == mass
-            np.testing.assert_allclose(body.xipos, (pose @ [*centre, 1.0])[:3], atol=1e-9)
+            np.testing.assert_allclose(body.xipos, (pose @ [*center, 1.0])[:3], atol=1e-9)
             axes, turn = body.ximat.reshape(3, 3), pose[:3, :3]
             inertia = axes @ np.diag(model.body(name).inertia) @ axes.T
             published = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])

@@ -14,7 +14,7 @@ from softgym_mj.robots.picker import Picker
 from softgym_mj.robots.workspace import Workspace
 
 _WORKSPACE = Workspace((-1.0, -1.0, 0.0), (1.0, 1.0, 1.5))
-_GRIP_HEIGHT = 0.055  # Picker centre above the vertex it takes [m]: the sphere just touches it.
+_GRIP_HEIGHT = 0.055  # Picker center above the vertex it takes [m]: the sphere just touches it.
 _PARKED = 0.6  # Height [m] to which pickers retreat after a release.
 _INTERSECTION_INTERVAL = 10  # Sim steps between two intersection counts.
 

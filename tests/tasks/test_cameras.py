@@ -139,12 +139,12 @@ def test_what_is_cut_off_is_noticed():
     whole = framing.Eye(env).look()
     middle = env.task.points().mean(axis=0)
     camera.pos, camera.quat, camera.fovy = [*middle[:2], 0.7], [1.0, 0.0, 0.0, 0.0], 45.0
-    centred = framing.Eye(env).look()
-    assert centred.inside == whole.inside == 1.0
+    centered = framing.Eye(env).look()
+    assert centered.inside == whole.inside == 1.0
     camera.pos = camera.pos + [0.7 * math.tan(math.radians(22.5)), 0.0, 0.0]
     half = framing.Eye(env).look()
     assert 0.2 < half.inside < 0.8
-    assert half.share == pytest.approx(half.inside * centred.share, rel=0.3)
+    assert half.share == pytest.approx(half.inside * centered.share, rel=0.3)
 
 
 def test_a_pyramid_touches_what_it_is_around():

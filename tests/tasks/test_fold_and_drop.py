@@ -125,7 +125,7 @@ def test_a_perfect_fold_scores_one_less_its_layer(task):
     places = {
         "fold_cloth": cloth.points(),
         "fold_crumpled_cloth": cloth.flat(),
-        "drop_fold_cloth": cloth.flat(centre=(cloth.size[0] / 2, 0.0)),
+        "drop_fold_cloth": cloth.flat(center=(cloth.size[0] / 2, 0.0)),
     }
     # Without thickness it would be 1; in an even number of columns no vertex lies on the fold.
     for layer in (0.0, LAYER):
@@ -217,7 +217,7 @@ def test_a_vertical_sheet_has_softgyms_initial_performance(drop, dimx, x, bottom
 def test_a_cloth_laid_flat_in_its_place_scores_one(drop):
     drop.reset(802)
     cloth = drop.task.cloth
-    flat = cloth.flat(centre=(cloth.size[0] / 2, 0.0))
+    flat = cloth.flat(center=(cloth.size[0] / 2, 0.0))
     p1, p2, p3, _ = flat[cloth.corners]
     assert p1[0] == pytest.approx(0.0) and p1[1] == pytest.approx(-p2[1])
     assert p3[0] == pytest.approx(cloth.size[0])

@@ -27,7 +27,7 @@ def seen(env):
 
 
 def above_the_rope():
-    """The pickers a centimetre above the first and the last vertex, open."""
+    """The pickers a centimeter above the first and the last vertex, open."""
     env = load("straighten_rope")
     env.reset(800)
     actor, points = env.task.actor, env.task.objects[0].points()

@@ -155,7 +155,7 @@ def test_transport_reward_of_appendix_a(transport):
     task.cup.pose = np.array([0.6, 0.0, 0.0])
     scatter(transport, [(1.0, [0.6, 0.0, 0.05])])
     assert task.measure(task.state(), task.episode).performance == pytest.approx(-0.6)
-    assert task.bounds(task.episode) == (-1.2, 0.0)  # Hence 0.5 normalised.
+    assert task.bounds(task.episode) == (-1.2, 0.0)  # Hence 0.5 normalized.
 
 
 def test_pour_counts_what_is_in_the_target_and_not_in_the_cup(pour):

@@ -117,7 +117,7 @@ def test_bad_settings_say_what_is_valid(setting, words):
     assert all(word in str(raised.value) for word in words)
 
 
-def test_tinted_colours():
+def test_tinted_colors():
     assert tinted((1.0, 0.0, 0.0, 0.5), 120.0) == pytest.approx((0.0, 1.0, 0.0, 0.5))
     assert tinted((1.0, 0.5, 0.0, 1.0), -30.0) == pytest.approx((1.0, 0.0, 0.0, 1.0))
     assert tinted((0.8, 0.8, 0.8), 0.0, 0.5, 0.5) == pytest.approx((0.4, 0.2, 0.2))

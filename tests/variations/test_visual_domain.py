@@ -21,7 +21,7 @@ SENSOR = {"sensor_noise": 4.0, "sensor_blur": 0.5, "sensor_quality": 70.0, "sens
 OWN = ("hue", "brightness", "pattern", "opacity")  # Of objects.
 # What counts as seen [1/255]: by a pixel of those 0.2 % that change most; ropes cover 1 %.
 LEAST, MOST_CHANGED = 6.0, 99.8
-# What is seen only with another: hues of what is grey, the scale of what is plain.
+# What is seen only with another: hues of what is gray, the scale of what is plain.
 BESIDE = {
     "table_hue": {"table_saturation": 0.1},
     "backdrop_hue": {"backdrop_saturation": 0.1},

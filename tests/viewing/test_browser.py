@@ -29,7 +29,7 @@ with_chromium = pytest.mark.skipif(
 # ---------------------------------------------------------------------- meshes
 
 
-def test_the_sides_of_a_cloth_and_its_strip_have_two_colours():
+def test_the_sides_of_a_cloth_and_its_strip_have_two_colors():
     env = softgym_mj.load("fold_cloth", split="all")
     parts = scene.skin_parts(env.physics.model.ptr, 0)
     colors = np.array([rgba[:3] for rgba, _ in parts])

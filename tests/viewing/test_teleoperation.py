@@ -37,7 +37,7 @@ def drive(env, hand, steps):
 # ---------------------------------------------------------------------- targets and actions
 
 
-def test_pickers_go_straight_to_their_targets_at_half_a_metre_a_second():
+def test_pickers_go_straight_to_their_targets_at_half_a_meter_a_second():
     env, hand = started("straighten_rope")
     assert hand.names == ("picker 1", "picker 2")
     start = env.task.actor.positions()

@@ -85,7 +85,7 @@ def cropped(pictures: Tensor, size: tuple[int, int], shares: Tensor, pad: int = 
     return pictures[*which, rows[..., :, None], columns[..., None, :]]
 
 
-def centre(pictures: Tensor, size: tuple[int, int]) -> Tensor:
+def center(pictures: Tensor, size: tuple[int, int]) -> Tensor:
     """The part (..., *size, 3) in the middle of pictures (..., height, width, 3)."""
     (height, width), (rows, columns) = pictures.shape[-3:-1], size
     top, left = (height - rows) // 2, (width - columns) // 2
@@ -134,7 +134,7 @@ class Convolutions(nn.Module):
 
     def forward(self, pictures: Tensor) -> Tensor:
         """Of uint8 (seeds, n, height, width, 3): (seeds, n, outputs)."""
-        seen = centre(pictures, self._size)
+        seen = center(pictures, self._size)
         return torch.stack([self._single(own, k) for k, own in enumerate(seen)])
 
     def _single(self, seen: Tensor, seed: int) -> Tensor:

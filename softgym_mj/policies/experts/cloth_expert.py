@@ -13,7 +13,7 @@ from softgym_mj.policies.experts.picker_expert import ARRIVED, OPEN, PASSED, SLO
 ARM_REACH = 0.018  # [m] From which hands take a vertex: further off, others of a pile are nearer.
 LAYER = 0.01  # [m] By which an upper layer lies higher.
 STANDOFF = 0.06  # [m] Further distance at which an approach starts.
-TRAVEL_HEIGHT = 0.25  # [m] Height of the picker centres between places, above every pile.
+TRAVEL_HEIGHT = 0.25  # [m] Height of the picker centers between places, above every pile.
 NEAR_GOAL = 2  # Grid steps from a vertex within which a hold counts as one of it.
 OVERSHOOT = 0.02  # [m] By which a vertex is pulled beyond its place; cloth springs back.
 MISPLACED = 0.04  # [m] Distance from its place from which a vertex is worth a move.
@@ -70,8 +70,8 @@ class ClothExpert(PickerExpert):
         for stage, near in (("over", PASSED), ("standoff", PASSED / 2), ("grasp", ARRIVED)):
             goals = self._actor.positions()
             for i, vertex in targets.items():
-                centre, direction, _ = self._grasp(vertex)
-                goals[i] = centre + STANDOFF * direction * (stage != "grasp")
+                center, direction, _ = self._grasp(vertex)
+                goals[i] = center + STANDOFF * direction * (stage != "grasp")
                 if stage == "over":
                     goals[i, 2] = max(goals[i, 2], up[i, 2])
             for i in range(2):

@@ -80,8 +80,8 @@ class PickerExpert(Expert):
 
     def _can_reach(self, i: int, vertex: int) -> bool:
         """Whether gripper `i` gets to where a vertex is taken from."""
-        centre = self._grasp(vertex)[0]
-        return length(self._actor.within_reach(i, centre) - centre) < ARRIVED
+        center = self._grasp(vertex)[0]
+        return length(self._actor.within_reach(i, center) - center) < ARRIVED
 
     def _own_sides(self) -> np.ndarray:
         """The directions along Y (2,) in which the grippers' own sides are."""
@@ -119,7 +119,7 @@ class PickerExpert(Expert):
         return max(BRAKING * left, CREEP) / self._stride
 
     def _raised(self, height: float) -> np.ndarray:
-        """Picker centres (2, 3) [m], lifted to `height` [m]."""
+        """Picker centers (2, 3) [m], lifted to `height` [m]."""
         positions = self._actor.positions()
         positions[:, 2] = height
         return positions
@@ -145,16 +145,16 @@ class PickerExpert(Expert):
         return list(vertices) if direct <= crossed else list(vertices)[::-1]
 
     def _grasp(self, vertex: int) -> tuple[np.ndarray, np.ndarray, float]:
-        """How to take a vertex: picker centre (3,) [m], direction (3,) and clearance [m].
+        """How to take a vertex: picker center (3,) [m], direction (3,) and clearance [m].
 
         The clearance is how much further the next vertex is; negative: another one is taken.
         """
-        centres = self._target.vertex(vertex) + self._reach * _DIRECTIONS
-        centres = np.clip(centres, *self._actor.limits)
-        distance = np.linalg.norm(centres[:, None] - self._target.points(), axis=2)
+        centers = self._target.vertex(vertex) + self._reach * _DIRECTIONS
+        centers = np.clip(centers, *self._actor.limits)
+        distance = np.linalg.norm(centers[:, None] - self._target.points(), axis=2)
         own = distance[:, vertex].copy()
         distance[:, vertex] = np.inf
         clearance = distance.min(axis=1) - own
         clearance[own > self._actor.pick_distance] = -1.0
         best = int(np.argmax(np.minimum(clearance, CLEAR)))
-        return centres[best], _DIRECTIONS[best], float(min(clearance[best], CLEAR))
+        return centers[best], _DIRECTIONS[best], float(min(clearance[best], CLEAR))

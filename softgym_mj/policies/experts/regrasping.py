@@ -69,14 +69,14 @@ class RegraspingExpert(ClothExpert):
             grips[i] = taking
             velocities = self._target.velocities()
             ahead = self._target.points() + self._env.control_timestep() * velocities
-            centre, direction = self._side_grasp(i, vertex, ahead)
+            center, direction = self._side_grasp(i, vertex, ahead)
             swings = np.linalg.norm(velocities[vertex]) > swinging
-            far = np.linalg.norm(centre - goals[i]) > 2 * STANDOFF
+            far = np.linalg.norm(center - goals[i]) > 2 * STANDOFF
             if not taking and (swings or far):
-                centre = centre + STANDOFF * direction
-            if goals[i, 2] > centre[2] + 2 * STANDOFF:
-                centre[1] = goals[other, 1] + side * OUTSIDE
-            goals[i], goals[other, 2] = centre, lift
+                center = center + STANDOFF * direction
+            if goals[i, 2] > center[2] + 2 * STANDOFF:
+                center[1] = goals[other, 1] + side * OUTSIDE
+            goals[i], goals[other, 2] = center, lift
             ways = np.clip((goals - self._actor.positions()) / self._stride, -1.0, 1.0)
             yield np.column_stack([ways, np.where(grips, 1.0, -1.0)]).ravel()
 
@@ -94,31 +94,31 @@ class RegraspingExpert(ClothExpert):
         outside[:, 1], outside[:, 2] = np.sign(y) * math.cos(FROM_ABOVE), math.sin(FROM_ABOVE)
         closed = ~anew
         for n in range(FLIGHT):
-            points, centres = self._target.points(), self._actor.positions()
-            away = np.linalg.norm(points - centres[:, None], axis=2)
+            points, centers = self._target.points(), self._actor.positions()
+            away = np.linalg.norm(points - centers[:, None], axis=2)
             nearest = (away.argmin(axis=1) == targets) & (away.min(axis=1) < NEARBY)
             closed |= nearest & (n > 0)
             ways = self._target.velocities()[targets] * step
             ways[:, 2] -= GRAVITY * step**2 / 2
             ways[~anew, :2] = 0.0
-            ways[anew] += (points[targets] + REACH * outside - centres)[anew]
+            ways[anew] += (points[targets] + REACH * outside - centers)[anew]
             ways = np.clip(ways / stride, -1.0, 1.0)
             yield np.column_stack([ways, np.where(closed, 1.0, -1.0)]).ravel()
             if (self._actor.held == targets).all():
                 return
 
     def _side_grasp(self, i: int, vertex: int, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """How gripper `i` takes a vertex at `points` (n, 3) [m]: centre (3,) [m], direction (3,).
+        """How gripper `i` takes a vertex at `points` (n, 3) [m]: center (3,) [m], direction (3,).
 
         Clear of other vertices and near.
         """
         side = np.sign(self._env.task.cloth.flat()[vertex, 1])
         directions = _DIRECTIONS * [1.0, side, 1.0]
-        centres = np.clip(points[vertex] + REACH * directions, *self._actor.limits)
-        away = np.linalg.norm(centres[:, None] - points, axis=2)
+        centers = np.clip(points[vertex] + REACH * directions, *self._actor.limits)
+        away = np.linalg.norm(centers[:, None] - points, axis=2)
         own = away[:, vertex].copy()
         away[:, vertex] = np.inf
         clear = np.minimum(away.min(axis=1) - own, CLEAR)
-        ways = np.linalg.norm(centres - self._actor.positions()[i], axis=1)
+        ways = np.linalg.norm(centers - self._actor.positions()[i], axis=1)
         best = int(np.argmax(clear - DETOUR * ways))
-        return centres[best], directions[best]
+        return centers[best], directions[best]

@@ -11,7 +11,7 @@ from softgym_mj.native.arithmetic import length
 from softgym_mj.policies.experts.picker_expert import ARRIVED, OPEN, PASSED
 from softgym_mj.policies.experts.rehearsing import GAIN, Plan, RehearsingExpert
 
-TRAVEL, CARRY = 0.1, 0.07  # [m] Heights of the picker centres, with open grips and holding.
+TRAVEL, CARRY = 0.1, 0.07  # [m] Heights of the picker centers, with open grips and holding.
 LAID = 0.045  # [m] The same where a vertex is let go.
 # [m] The same of hands above the lowest that they get: what they hold is in the tool point itself.
 ARM_TRAVEL, ARM_CARRY, ARM_LAID = 0.045, 0.012, 0.001

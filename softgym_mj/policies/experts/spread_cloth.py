@@ -58,7 +58,7 @@ class SpreadCloth(CrumpledClothExpert):
     def _lay(self, grips: list[bool]) -> Iterator[np.ndarray]:
         """Stretches the held side along Y and pulls the cloth out along X, down to the floor."""
         low, high = self._actor.limits
-        centre = (low + high) / 2
+        center = (low + high) / 2
         flat, (a, b) = self._env.task.cloth.flat(), self._actor.held
         width = length(flat[b] - flat[a])
         across = (flat[b] - flat[a]) / width
@@ -70,19 +70,19 @@ class SpreadCloth(CrumpledClothExpert):
         line = np.array([[0.0, sign * width / 2, 0.0], [0.0, -sign * width / 2, 0.0]])
 
         def tail_x() -> float:
-            return float(self._target.points()[tail, 0].mean() - centre[0])
+            return float(self._target.points()[tail, 0].mean() - center[0])
 
         def now_x() -> float:
-            return float((self._actor.positions() + offset)[:, 0].mean() - centre[0])
+            return float((self._actor.positions() + offset)[:, 0].mean() - center[0])
 
         def pose(x: float, z: float) -> np.ndarray:
-            goals = line - offset + centre + [x, 0.0, 0.0]
+            goals = line - offset + center + [x, 0.0, 0.0]
             goals[:, 2] = z
             return goals
 
         way = -1.0 if tail_x() > 0.0 else 1.0
-        edge = high[0] - centre[0]  # Hands that are apart along Y get less far along X.
-        while edge > PACE and not self._gets_to(line + centre + [way * edge, 0.0, low[2]]):
+        edge = high[0] - center[0]  # Hands that are apart along Y get less far along X.
+        while edge > PACE and not self._gets_to(line + center + [way * edge, 0.0, low[2]]):
             edge -= PACE / 2
         yield from self._move(self._raised(high[2]), grips, LIFT, PASSED)
         yield from self._move(pose(tail_x(), high[2]), grips, LIFT, PASSED / 2)
@@ -103,13 +103,13 @@ class SpreadCloth(CrumpledClothExpert):
 def _fitted(points: np.ndarray, goals: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Points (n, 2) [m], turned and moved so that they are nearest to their goals (n, 2).
 
-    The least squares have a closed form in the plane: the angle of the sum of w p* g, with centred
+    The least squares have a closed form in the plane: the angle of the sum of w p* g, with centered
     points p and goals g as complex numbers. It needs no decomposition.
     """
     weights = (weights / weights.sum())[:, None]
-    centre = (weights * goals).sum(axis=0)
+    center = (weights * goals).sum(axis=0)
     points = points - (weights * points).sum(axis=0)
-    (x, y), (u, v) = points.T, (weights * (goals - centre)).T
+    (x, y), (u, v) = points.T, (weights * (goals - center)).T
     angle = math.atan2((x * v - y * u).sum(), (x * u + y * v).sum())
     cosine, sine = math.cos(angle), math.sin(angle)
-    return centre + np.column_stack([cosine * x - sine * y, sine * x + cosine * y])
+    return center + np.column_stack([cosine * x - sine * y, sine * x + cosine * y])

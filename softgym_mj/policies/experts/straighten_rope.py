@@ -15,7 +15,7 @@ from softgym_mj.policies.experts.picker_expert import (
     PickerExpert,
 )
 
-# Heights [m] of the picker centres above a rope: passing over, pulling, at the end.
+# Heights [m] of the picker centers above a rope: passing over, pulling, at the end.
 ROPE_APPROACH, ROPE_LIFT, ROPE_LAID = 0.1, 0.1, 0.04
 ROPE_TOLERANCE = 0.001  # [m] Error of the end distance at which pulling stops.
 ROPE_SPEED = 0.3  # Fraction of full speed at which the rope is pulled.
@@ -45,7 +45,7 @@ class StraightenRope(PickerExpert):
 
     def _pull_apart(self, ends: Sequence[int]) -> Iterator[np.ndarray]:
         """Brings both ends as far from each other as the rope is long, around the middle."""
-        rope, centre = self._env.task.rope, np.mean(self._actor.limits, axis=0)
+        rope, center = self._env.task.rope, np.mean(self._actor.limits, axis=0)
         waited = 0
         while waited < PATIENCE and (self._actor.held >= 0).all():
             # Where the ends are once the grippers are where they are told to be: arms lag behind.
@@ -58,8 +58,8 @@ class StraightenRope(PickerExpert):
                 waited += 1
             line = (points[0] - points[1]) * [1.0, 1.0, 0.0]
             line *= error / 2 / (length(line) + 1e-9)
-            to_centre = (centre - commanded.mean(axis=0)) * [1.0, 1.0, 0.0]
-            yield self._step(commanded + [line, -line] + to_centre, CLOSED, ROPE_SPEED)
+            to_center = (center - commanded.mean(axis=0)) * [1.0, 1.0, 0.0]
+            yield self._step(commanded + [line, -line] + to_center, CLOSED, ROPE_SPEED)
 
     def _take_both(self) -> Generator[np.ndarray, None, list[int]]:
         """Takes both ends; the value is which one each gripper holds."""

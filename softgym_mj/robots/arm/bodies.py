@@ -19,7 +19,7 @@ from softgym_mj.robots.arm.mounts import Mount
 DAMPING = 0.015
 FLOOR = "floor"  # Geom of the kinematic model.
 CAMERA = "wrist"  # Camera on the hand of an arm's model; in a scene, with the arm's number.
-PEDESTAL, PEDESTAL_COLOR = 0.11, (0.25, 0.26, 0.28, 1.0)  # Radius [m] and colour: steel grey.
+PEDESTAL, PEDESTAL_COLOR = 0.11, (0.25, 0.26, 0.28, 1.0)  # Radius [m] and color: steel gray.
 
 
 def names(arm: Arm, number: int) -> tuple[str, ...]:

@@ -20,7 +20,7 @@ ALONG = 0.5
 LEAD = 0.06
 
 
-# Points (n, 3), moved to within a radius of their centres (n, 3).
+# Points (n, 3), moved to within a radius of their centers (n, 3).
 Draw = Callable[[np.ndarray, np.ndarray, float], np.ndarray]
 
 
@@ -75,8 +75,8 @@ class CommandFilter:
         self.commanded, self.points, self.step = state["filter"].copy()
 
 
-def drawn_in(points: np.ndarray, centres: np.ndarray, radius: float) -> np.ndarray:
-    """Points (n, 3), moved straight to within `radius` of their `centres` (n, 3)."""
-    offset = points - centres
+def drawn_in(points: np.ndarray, centers: np.ndarray, radius: float) -> np.ndarray:
+    """Points (n, 3), moved straight to within `radius` of their `centers` (n, 3)."""
+    offset = points - centers
     distance = np.sqrt(squares(offset))[:, None]
-    return centres + offset * (radius / np.maximum(distance, radius))
+    return centers + offset * (radius / np.maximum(distance, radius))

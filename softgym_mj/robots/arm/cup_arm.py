@@ -30,12 +30,12 @@ def turned(theta: float) -> np.ndarray:
     return np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
 
 
-def clipped(points: np.ndarray, centres: np.ndarray, radius: float) -> np.ndarray:
-    """Returns points (n, 3), each entry clipped to within `radius` of that of `centres` (n, 3).
+def clipped(points: np.ndarray, centers: np.ndarray, radius: float) -> np.ndarray:
+    """Returns points (n, 3), each entry clipped to within `radius` of that of `centers` (n, 3).
 
     Entries are clipped separately, so that a lag along X causes no lift or rotation.
     """
-    return np.clip(points, centres - radius, centres + radius)
+    return np.clip(points, centers - radius, centers + radius)
 
 
 # Axes of the tool that holds an upright cup, as columns: it points along -Y and closes along X.

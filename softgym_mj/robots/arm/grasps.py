@@ -88,7 +88,7 @@ class AttachGrasp(Grasp, Attachment):
         self._fingers.put(i, arm.finger_range[0], arm.finger_commands[0])
 
     def plan(self, closed: np.ndarray, tools: np.ndarray) -> None:
-        self.grips = self.grips._replace(centre=tools)
+        self.grips = self.grips._replace(center=tools)
         self.step(GripCommand(np.zeros_like(tools), closed), ANYWHERE)
         # Closing fingers are not solid, because they would squeeze the object out; they become
         # solid again when they are open and clear of the object.

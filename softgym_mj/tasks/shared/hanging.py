@@ -28,4 +28,4 @@ def held_by_corners(cloth: Cloth) -> ToolStart:
 
 def laid_down(cloth: Cloth) -> np.ndarray:
     """Returns SoftGym's particles (dimy, dimx, 3) [m] of the flat cloth at its goal."""
-    return cloth.particles(cloth.flat(centre=(cloth.size[0] / 2, 0.0)))
+    return cloth.particles(cloth.flat(center=(cloth.size[0] / 2, 0.0)))

@@ -30,7 +30,7 @@ LETTERS = ("S", "O", "M", "C", "U")
 _FINE = 2000  # Samples of a curve: its length is then accurate to 1e-6.
 
 
-def _centre_line(name: str) -> np.ndarray:
+def _center_line(name: str) -> np.ndarray:
     """Returns many points (n, 2) [m] along a letter."""
     if name == "M":
         corners = np.array(_M)
@@ -46,7 +46,7 @@ def letter(name: str, count: int) -> np.ndarray:
     Every letter has the rope's natural length, and its vertices are evenly spaced. SoftGym takes
     the first 41 points of an M of 61, and drops inner points of the others or adds midpoints.
     """
-    line = _centre_line(name)
+    line = _center_line(name)
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     places = np.linspace(0.0, length[-1], count)
     points = np.column_stack([np.interp(places, length, line[:, k]) for k in range(2)])

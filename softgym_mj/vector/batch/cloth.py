@@ -161,9 +161,9 @@ class ClothBatch(BatchPhysics):
     def sim_step(self) -> None:
         xp, state, pickers = self._xp, self.state, self._pickers
 
-        def offsets(centres: Array) -> Array:
+        def offsets(centers: Array) -> Array:
             room = state["origin"].shape[1]
-            return state["qpos"][:, None, :room] + (state["origin"][:, None] - centres[:, :, None])
+            return state["qpos"][:, None, :room] + (state["origin"][:, None] - centers[:, :, None])
 
         pickers.plan(offsets, state["present"])
         goals = pickers.goals(state["radius"])
@@ -181,7 +181,7 @@ class ClothBatch(BatchPhysics):
         if isinstance(pickers, PickAndPlaceBatch):  # Environments without a model stand still.
             whole = xp.asarray(models, copy=True)
             models[...] = xp.where(pickers.moving, whole, 0)
-        self._solver.step(state["centre"], state["held"], goals)
+        self._solver.step(state["center"], state["held"], goals)
         if isinstance(pickers, PickAndPlaceBatch):
             models[...] = whole
 
@@ -201,16 +201,16 @@ class ClothBatch(BatchPhysics):
     def task_state(self, number: int) -> State:
         xp, grips = self._xp, self._pickers.grips
         present = xp.asarray(self.state["present"][:, :number], copy=True)
-        centres = xp.asarray(grips.centre, copy=True).reshape((len(present), -1))
+        centers = xp.asarray(grips.center, copy=True).reshape((len(present), -1))
         points = self.points(number)
-        return State({self._name: points}, {self._name: present}, {}, centres, remembered(grips))
+        return State({self._name: points}, {self._name: present}, {}, centers, remembered(grips))
 
     def poses(self) -> Array:
         """Returns the poses of pickers, which never rotate."""
-        centres = self.state["centre"]
-        still = constant([1.0, 0.0, 0.0, 0.0], centres)
-        turns = self._xp.zeros_like(centres[..., :1]) + still
-        return self._xp.concat([centres, turns], axis=-1)
+        centers = self.state["center"]
+        still = constant([1.0, 0.0, 0.0, 0.0], centers)
+        turns = self._xp.zeros_like(centers[..., :1]) + still
+        return self._xp.concat([centers, turns], axis=-1)
 
     def strains(self) -> Array:
         xp, state = self._xp, self.state

@@ -50,7 +50,7 @@ class PickAndPlaceBatch(PickerBatch):
         low, high = (state["workspace"][:, None, i] for i in range(2))
         points = shown_points(state["view"], actions[:, :2], state["radius"])
         ends = low + self._radius, high - self._radius
-        steps, numbers = zip(*routes(state["centre"], points, actions, *ends), strict=True)
+        steps, numbers = zip(*routes(state["center"], points, actions, *ends), strict=True)
         self._steps[...] = xp.stack(steps, axis=1)
         self._ends[...] = xp.stack([*itertools.accumulate(numbers)], axis=1)
         self._done[...] = 0.0

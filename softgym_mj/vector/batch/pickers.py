@@ -78,7 +78,7 @@ class PickerBatch:
         Args:
             resting_height: Height of vertices on the floor (num_envs,) [m].
         """
-        goals = self._state["centre"] + self._state["offset"]
+        goals = self._state["center"] + self._state["offset"]
         goals[..., 2] = self._xp.maximum(goals[..., 2], resting_height[:, None])
         return goals
 

@@ -221,7 +221,7 @@ class WorldModel(nn.Module):
         return belief, latent, self.reward(belief, latent)
 
 
-def centred(frames: Tensor, bits: int, shares: Tensor | float = 0.5) -> Tensor:
+def centered(frames: Tensor, bits: int, shares: Tensor | float = 0.5) -> Tensor:
     """Frames (uint8) in steps of so many bits, in -0.5..0.5 (Kingma and Dhariwal, 2018).
 
     Args:

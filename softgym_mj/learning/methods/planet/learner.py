@@ -18,7 +18,7 @@ from torch import Tensor, nn
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
 from softgym_mj.learning.cuda_graph import CudaGraph
 from softgym_mj.learning.learner import Problem, Step
-from softgym_mj.learning.methods.planet.latent import WorldModel, centred
+from softgym_mj.learning.methods.planet.latent import WorldModel, centered
 from softgym_mj.learning.networks import any_actions, drawn, generators
 from softgym_mj.learning.optimization import adam, clip_grad_norm
 from softgym_mj.learning.replay import Replay
@@ -218,7 +218,7 @@ class PlaNet:
         going = (~first[..., None]).float()
         belief = model.advance(going * belief, going * latent, going * action)
         shares = drawn(sources, *observation.shape[1:], normal=False)
-        embedding = model.encoder(centred(observation, own.bits, shares))
+        embedding = model.encoder(centered(observation, own.bits, shares))
         noise = drawn(sources, number, own.latent)
         latent = model.posterior(belief, embedding).sample(noise)
         if explore and self._seen < own.random_steps:
@@ -261,7 +261,7 @@ class PlaNet:
         # As many frames as the authors', whose first one has no part in losses.
         step = self.replay.slices(own.batch, own.length - 1)
         frames = step.next_observation
-        image = centred(frames, own.bits, drawn(self._sources, *frames.shape[1:], normal=False))
+        image = centered(frames, own.bits, drawn(self._sources, *frames.shape[1:], normal=False))
         noise = drawn(self._sources, *frames.shape[1:3], own.latent)
         result = losses(self.model, step, image, noise, own.free_nats)
         self._adam.zero_grad(set_to_none=True)

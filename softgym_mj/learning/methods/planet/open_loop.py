@@ -14,7 +14,7 @@ import softgym_mj
 from softgym_mj.evaluation.plots import new_figure
 from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.learning.learner import split_by_seed
-from softgym_mj.learning.methods.planet.latent import centred
+from softgym_mj.learning.methods.planet.latent import centered
 from softgym_mj.learning.methods.planet.learner import PlaNet
 from softgym_mj.learning.training import Training
 from softgym_mj.storage.files import write_whole
@@ -66,7 +66,7 @@ def predict(learner: PlaNet, frames: Tensor, actions: Tensor, context: int = CON
     before = torch.zeros_like(actions[:, :, 0])
     for t in range(context):
         belief = model.advance(belief, latent, before)
-        seen = model.encoder(centred(frames[:, :, t], bits))
+        seen = model.encoder(centered(frames[:, :, t], bits))
         latent, before = model.posterior(belief, seen).mean, actions[:, :, t]
     states = model.imagine(belief, latent, actions[:, :, context - 1 :].unbind(2))
     images = [model.image(*state) for state in [(belief, latent), *states]]

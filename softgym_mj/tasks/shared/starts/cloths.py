@@ -16,7 +16,7 @@ from softgym_mj.tasks.shared.starts.settling import (
     Procedure,
     SettledFlex,
     Settling,
-    centred,
+    centered,
 )
 from softgym_mj.variations.indices import generator
 
@@ -117,7 +117,7 @@ class CrumpledCloth(_SizedCloth):
                 break
             yield from scene.step()
             steps += 1
-        return centred(scene.points)
+        return centered(scene.points)
 
     def _stay(self, index: int, scene: Settling) -> Generator[Held, np.ndarray, None]:
         """Simulates until it is known that the vertices stay in place.
@@ -152,7 +152,7 @@ class FlatCloth(_SizedCloth):
     def procedure(self, index: int, flex: Cloth, scene: Settling) -> Procedure:
         """Waits until the cloth rests."""
         yield from scene.settle(_FALL_STEPS)
-        return centred(scene.points)
+        return centered(scene.points)
 
 
 @dataclasses.dataclass(frozen=True)

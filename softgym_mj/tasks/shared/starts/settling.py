@@ -185,6 +185,6 @@ def _described(flex: Flex) -> np.ndarray:
     return describe(model, [model.geom(f"holds_{k}").id for k in range(_MOST_HELD)])
 
 
-def centred(vertices: np.ndarray) -> np.ndarray:
+def centered(vertices: np.ndarray) -> np.ndarray:
     """Returns the vertices (n, 3) shifted so that their horizontal mean is the origin."""
     return vertices - [*vertices[:, :2].mean(axis=0), 0.0]

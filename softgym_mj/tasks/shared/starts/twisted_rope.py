@@ -9,7 +9,7 @@ from softgym_mj.tasks.shared.starts.settling import (
     Procedure,
     SettledFlex,
     Settling,
-    centred,
+    centered,
 )
 from softgym_mj.variations.indices import generator
 
@@ -67,4 +67,4 @@ class TwistedRope(SettledFlex):
                 f"variation {index} of {self.name} still moves at {scene.max_speed():.3f} m/s "
                 f"after {_MAX_STEPS} sim steps"
             )
-        return centred(scene.points)
+        return centered(scene.points)
