@@ -217,7 +217,7 @@ def test_bfloat16_changes_little_but_the_speed():
         torch.testing.assert_close(loss, result[1][name], rtol=0.02, atol=0.02)
 
 
-def test_frames_are_centred_by_their_bits():
+def test_frames_are_centered_by_their_bits():
     frames = torch.tensor([0, 7, 8, 255], dtype=torch.uint8)
     steps = np.array([0, 0, 1, 31])
     np.testing.assert_allclose(centered(frames, 5, 0.0), steps / 32 - 0.5)
