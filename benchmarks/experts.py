@@ -58,7 +58,7 @@ class Played(TypedDict):
 
     Attributes:
         code: what they were played with, None where nobody wrote it down.
-        scores: normalised performance at the end of an episode, by variation.
+        scores: normalized performance at the end of an episode, by variation.
     """
 
     code: str | None
@@ -119,7 +119,7 @@ def environment(task: str, actor: str) -> Environment:
 
 
 def play(task: str, actor: str, variation: int) -> dict[str, float]:
-    """Normalised performance at the end of an episode of the expert, and the core seconds of it."""
+    """Normalized performance at the end of an episode of the expert, and the core seconds of it."""
     begun = time.process_time()
     env = environment(task, actor)
     for _ in env.play(make_policy("scripted", env, 0), variation):

@@ -14,7 +14,7 @@ The peer is `warp.examples.core.example_sph` of NVIDIA's warp, on the CPU. A sub
 grid, then runs the kernels for density, acceleration, bounds and integration, with our ratio of
 support to spacing, number of substeps and particles: those of the stretch just played, which stay
 there because its time step is 0. This compares what it costs that each particle visits its
-neighbours twice, including how they are found. It does not compare physics or accuracy: the example
+neighbors twice, including how they are found. It does not compare physics or accuracy: the example
 is a weakly compressible scheme without walls (it clamps coordinates), and which substep it would
 need for the same water is left open. `warp_process_over_thread`, the CPU time of the process over
 that of the calling thread, is 1 if warp has no threads of its own.

@@ -10,7 +10,7 @@ the expert itself plays the other episodes, too, closed loop.
 
 All start alike: other cloths and ropes as the default one, interpolated; other water rests in the
 same cup. The interpolated layers of a crumpled cloth are too close to each other and push the pile
-apart by some centimetres, so that the same actions would miss it: there the script is played anew.
+apart by some centimeters, so that the same actions would miss it: there the script is played anew.
 
     python benchmarks/resolution.py --out benchmarks/resolution.json
 """
@@ -97,7 +97,7 @@ def share_states(usual: Environment, other: Environment, kind: str, fidelity: st
 
 
 def play(env: Environment, variation: int, policy) -> tuple[float, np.ndarray]:
-    """The normalised performance at the end and the actions (T, n) of an episode."""
+    """The normalized performance at the end and the actions (T, n) of an episode."""
     timestep, actions = env.reset(variation), []
     while not timestep.last():
         actions.append(policy(timestep))

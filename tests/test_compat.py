@@ -95,7 +95,7 @@ def test_boxes_are_those_of_the_cups():
         np.testing.assert_allclose(env.action_space.low, -steps[steps > 0.0])
 
 
-def test_pick_and_place_goes_to_points_in_metres():
+def test_pick_and_place_goes_to_points_in_meters():
     env = make("ClothFlatten", action_mode="pickerpickplace", horizon=20, action_repeat=1)
     center = env.reset()[-6:].reshape(2, 3).mean(axis=0)
     np.testing.assert_allclose(env.action_space.high, [0.5, 0.3, 0.5, 1.0] * 2)

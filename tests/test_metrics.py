@@ -410,7 +410,7 @@ def test_counts_agree_with_the_slow_loop(vertices, triangles, least):
 
 
 def test_order_of_edges_and_triangles_does_not_matter():
-    # 1,300 edges: several blocks of the vectorised loop.
+    # 1,300 edges: several blocks of the vectorized loop.
     vertices, triangles = crumpled(seed=1, noise=0.01, folds=2, n=21, m=22), make_triangles(21, 22)
     edges = make_edges(triangles)
     random = np.random.default_rng(0)

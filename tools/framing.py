@@ -21,7 +21,7 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.parallel.executors import make_executor
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.registry import TASKS
-from softgym_mj.rendering.observables import LABELS, LabelledView
+from softgym_mj.rendering.observables import LABELS, LabeledView
 from softgym_mj.robots.arm.models import ARMS
 from softgym_mj.variations.indices import SPLITS
 
@@ -55,7 +55,7 @@ class Eye:
         """Binds the environment; `side` is that of the picture [pixels]."""
         self._env, self._side, self._wider = env, side, wider
         whole, scene = round(wider * side), env.task.scene
-        self._camera = LabelledView("task", whole, whole, lambda: scene.segmentation_models)
+        self._camera = LabeledView("task", whole, whole, lambda: scene.segmentation_models)
 
     def look(self) -> Shown:
         """What the picture shows now."""

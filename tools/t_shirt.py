@@ -73,7 +73,7 @@ def mesh() -> tuple[list[tuple[float, float, float]], list[tuple[int, ...]]]:
 
 def main() -> None:
     vertices, triangles = mesh()
-    print("# T-shirt of two layers, in metres, lying on its back: Z up, the hem at -Y.")
+    print("# T-shirt of two layers, in meters, lying on its back: Z up, the hem at -Y.")
     print("# Own work of the softgym_mj project, Apache-2.0; drawn by tools/t_shirt.py.")
     for x, y, z in vertices:
         print(f"v {x:.5f} {y:.5f} {z:.5f}")

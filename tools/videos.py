@@ -108,7 +108,7 @@ def main(names: Sequence[str]) -> None:
         write_video(frames, round(1000 / episode.fps), file)
         score = episode.info["normalized_performance"][-1]
         print(f"{file.name}: {len(frames)} pictures, {file.stat().st_size / 1e3:.0f} kB, "
-              f"normalised performance {score:.2f}")  # fmt: skip
+              f"normalized performance {score:.2f}")  # fmt: skip
     if not names or set(names) & set(TASKS):
         write_video(*all_tasks(FOLDER), FOLDER / "tasks.webp")
 

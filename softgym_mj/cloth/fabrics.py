@@ -34,7 +34,7 @@ class FabricData:
         layer_friction: Friction coefficient between layers.
         origin: Origin of each number by name: "measured", "fitted" or "assumed".
         source: Publication.
-        licence: License of the data.
+        license: License of the data.
     """
 
     name: str
@@ -49,7 +49,7 @@ class FabricData:
     layer_friction: float
     origin: Mapping[str, str]
     source: str
-    licence: str
+    license: str
 
     @property
     def mean_stretch(self) -> float:

@@ -28,7 +28,7 @@ def show(
     """Shows pictures beside each other, as a figure of pyplot: in a notebook, below the cell.
 
     Args:
-        pictures: images (h, w, 3) uint8, or (h, w) of numbers, which are drawn as colours from
+        pictures: images (h, w, 3) uint8, or (h, w) of numbers, which are drawn as colors from
             their least (dark) to their largest (light); NaN stays white.
         titles: one for each.
         columns: pictures in a row; None for all of them.
@@ -123,7 +123,7 @@ def _quartiles(result: Mapping) -> tuple[float, float, float]:
 def _score(results: Sequence[Mapping]) -> str:
     """What the axis shows."""
     over = sorted({quartiles_over(result["episodes"]) for result in results})
-    return f"normalised performance\n(median, quartiles over {' or '.join(over)})"
+    return f"normalized performance\n(median, quartiles over {' or '.join(over)})"
 
 
 def new_figure(width: float, height: float) -> Any:

@@ -110,7 +110,7 @@ class Water(composer.Entity, Parametric):
             scaled("viscosity", "m^2/s", liquid.viscosity, 2.0, 5.0, "kinematic viscosity"),
             scaled("cohesion", "m/s^2", liquid.cohesion, 1.4, 2.0, "attraction of particles"),
             scaled("wall_friction", "", liquid.friction, 2.0, 5.0, "on the walls of the cups"),
-            shifted("hue", "deg", 20.0, 90.0, "by which colours are turned", "visual"),
+            shifted("hue", "deg", 20.0, 90.0, "by which colors are turned", "visual"),
             Parameter(
                 "opacity", "", WATER.rgba[3], (0.4, 0.65), (0.2, 0.9), "of its surface", "visual"
             ),

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import torch
 from torch import Tensor
 
-_WARM_UP = 3  # Calls that make what is made once, such as the state of optimisers.
+_WARM_UP = 3  # Calls that make what is made once, such as the state of optimizers.
 
 
 class CudaGraph:

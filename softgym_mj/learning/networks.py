@@ -101,7 +101,7 @@ class MLP(nn.Sequential):
         Args:
             sources: of random numbers, one a seed.
             sizes: of the input, of hidden layers and of the output.
-            norm: whether hidden layers are normalised before their ReLU, without weights.
+            norm: whether hidden layers are normalized before their ReLU, without weights.
         """
         layers: list[nn.Module] = []
         for k, (inputs, outputs) in enumerate(itertools.pairwise(sizes)):
@@ -117,7 +117,7 @@ class MLP(nn.Sequential):
 class ObservationNormalizer(nn.Module):
     """Observations of each seed by their means and deviations; as they are until `fit`.
 
-    Positions are tenths of a metre beside actions of up to 1, which first layers would see alone.
+    Positions are tenths of a meter beside actions of up to 1, which first layers would see alone.
     """
 
     def __init__(self, seeds: int, size: int, device: torch.device | str):

@@ -1,4 +1,4 @@
-"""Steps of optimisers, of several seeds that are trained together."""
+"""Steps of optimizers, of several seeds that are trained together."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -12,7 +12,7 @@ _TINY = 1e-6  # Added to a norm that divides (PyTorch's).
 def adam(
     parameters: Iterable[Tensor], rate: float | Tensor, beta: float = 0.9, **settings: Any
 ) -> torch.optim.Adam:
-    """An optimiser whose steps can be part of one of CUDA's graphs.
+    """An optimizer whose steps can be part of one of CUDA's graphs.
 
     Args:
         parameters: of networks of several seeds, all on one device.

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_count, check_name
-from softgym_mj.learning.registry import LABELLED, METHODS, find_preset
+from softgym_mj.learning.registry import LABELED, METHODS, find_preset
 from softgym_mj.learning.results import Row
 from softgym_mj.policies.planners import PLANNERS
 from softgym_mj.registry import TASKS
@@ -107,7 +107,7 @@ class QueuedRun:
         And of as many env steps, where it says how many or replaces settings: else the preset does.
         """
         replaced = "small" if self.plans else "custom"
-        preset = self.preset if LABELLED.issuperset(self.settings) else replaced
+        preset = self.preset if LABELED.issuperset(self.settings) else replaced
         name = self.task, self.method, self.observation, preset, self.replay
         env_steps = self.env_steps
         if preset == "custom":

@@ -37,7 +37,7 @@ METHODS = {
 PRESETS = pathlib.Path(__file__).parent / "methods" / "presets"  # A file of each method.
 _ROOM = "softgym_mj.learning.methods"
 LARGEST_LAYER, LARGEST_BATCH = 16_384, 1_000_000
-LABELLED = {
+LABELED = {
     "observation",
     "symmetric",
     "teacher",
@@ -135,7 +135,7 @@ def find_preset(
             raise InvalidArgumentError("settings", key, sorted(names["training"] | names["method"]))
         result[parts[0]][key] = value
     method = find_method(name, **{key: _tuples(value) for key, value in result["method"].items()})
-    named = preset if LABELLED.issuperset(replaced) else "custom"
+    named = preset if LABELED.issuperset(replaced) else "custom"
     return TrainingSettings(task, **result["training"]), dataclasses.replace(method, preset=named)
 
 

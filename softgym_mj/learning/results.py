@@ -84,7 +84,7 @@ class Reference:
     Attributes:
         task, method, observation: in this package's words where it has any.
         env_steps: from which it was learned; None if that is not said.
-        value: normalised performance.
+        value: normalized performance.
         bound: "is", or "below" where only an upper bound is known.
         certainty: a "number" of the source, read off its "plot", or following from its "text".
         source: who says so, where.

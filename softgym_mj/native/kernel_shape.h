@@ -10,9 +10,9 @@
 
 namespace softgym_mj {
 
-// Kernel amplitude (1 - q)^3 with q = (x - centre) metric (x - centre) < 1, lengths in voxels.
+// Kernel amplitude (1 - q)^3 with q = (x - center) metric (x - center) < 1, lengths in voxels.
 struct KernelShape {
-  double centre[3];
+  double center[3];
   double metric[6];  // xx, yy, zz, yz, xz, xy.
   double reach[3];   // Half the extents along the axes.
   double amplitude;
@@ -64,7 +64,7 @@ inline double Distance(const double metric[6], const Vector& d) {
 // The ellipsoid of a particle (Yu and Turk, 2013): wide along sheets and threads, narrow across them. `offsets(f)`
 // calls f with the offset of each particle around it, in the same order each time.
 template <class Offsets>
-inline KernelShape FitKernel(const Vector& centre, double spacing, const Offsets& offsets) {
+inline KernelShape FitKernel(const Vector& center, double spacing, const Offsets& offsets) {
   const double scale = 1 / Square(kNear * spacing);
   double sum = 1;  // Sum of the weights including its own.
   Vector mean = {0, 0, 0};
@@ -89,7 +89,7 @@ inline KernelShape FitKernel(const Vector& centre, double spacing, const Offsets
   const double minors[6] = {yy * zz - yz * yz, xx * zz - xz * xz, xx * yy - xy * xy,
                             xy * xz - xx * yz, xy * yz - yy * xz, xz * yz - zz * xy};
   const double determinant = xx * minors[0] + xy * minors[5] + xz * minors[4];
-  const Vector moved = centre + kMoved * mean;
+  const Vector moved = center + kMoved * mean;
   KernelShape shape = {{moved.x, moved.y, moved.z}, {}, {}, 1, neighbors};
   for (int k = 0; k < 6; ++k) shape.metric[k] = minors[k] / determinant;
   for (int k = 0; k < 3; ++k) shape.reach[k] = std::sqrt(extent[k]);

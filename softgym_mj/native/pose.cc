@@ -84,7 +84,7 @@ Pose BodyPose(const mjModel* m, const mjData* d, int body, Twist* twist) {
 
 void PointAcceleration(const mjModel* m, const mjData* d, int body, const mjtNum* point, const mjtNum* qvel,
                        const mjtNum* end, mjtNum* acceleration) {
-  mjtNum velocity[6] = {}, gained[6] = {};  // Rotation, then translation of the tree's centre of mass.
+  mjtNum velocity[6] = {}, gained[6] = {};  // Rotation, then translation of the tree's center of mass.
   int with_joints = body;
   while (with_joints && !m->body_dofnum[with_joints]) with_joints = m->body_parentid[with_joints];
   for (int dof = m->body_dofadr[with_joints] + m->body_dofnum[with_joints] - 1; dof >= 0; dof = m->dof_parentid[dof]) {

@@ -43,7 +43,7 @@ void Tube(const double* points, int n, double radius, int sides, int rings_per_e
     for (int j = 0; j < row; ++j) {
       const double angle = kTau * (j % sides) / sides;
       out[i * row + j] = Outwards(ring, std::cos(angle), std::sin(angle));
-      surface[i * row + j] = ring.centre + radius * ring.scale * strands.Radius(angle, ring.length) * out[i * row + j];
+      surface[i * row + j] = ring.center + radius * ring.scale * strands.Radius(angle, ring.length) * out[i * row + j];
     }
   }
   for (int i = 0; i < count; ++i) {

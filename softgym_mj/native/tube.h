@@ -11,7 +11,7 @@
 namespace softgym_mj {
 
 struct Ring {
-  Vector centre, tangent, normal;
+  Vector center, tangent, normal;
   double length;  // From the start of the tube [m].
   double scale;   // Factor of the radius.
 };
@@ -62,7 +62,7 @@ inline void FollowCurve(const double* points, int n, int rings_per_edge, Ring* r
     const Vector p[4] = {point(i - 1), point(i), point(i + 1), point(i + 2)};
     for (int k = 0; k < rings_per_edge + (i == n - 2); ++k) {
       Ring& ring = rings[count++];
-      ring.centre = Cubic(p, static_cast<double>(k) / rings_per_edge, &ring.tangent);
+      ring.center = Cubic(p, static_cast<double>(k) / rings_per_edge, &ring.tangent);
       ring.scale = 1;
     }
   }
@@ -75,7 +75,7 @@ inline void FollowCurve(const double* points, int n, int rings_per_edge, Ring* r
   Vector tangent = rings[0].tangent, normal = Transport(side, kReference, tangent);
   double length = 0;
   for (int i = 0; i < count; ++i) {
-    if (i > 0) length += Norm(rings[i].centre - rings[i - 1].centre);
+    if (i > 0) length += Norm(rings[i].center - rings[i - 1].center);
     rings[i].length = length;
     rings[i].normal = normal = Transport(normal, tangent, rings[i].tangent);
     tangent = rings[i].tangent;
@@ -86,7 +86,7 @@ inline void FollowCurve(const double* points, int n, int rings_per_edge, Ring* r
 // (tau / 4) k / count.
 inline Ring CapRing(Ring end, double direction, double radius, int k, int count, double sine, double cosine) {
   const double out = direction * radius * sine;
-  end.centre = end.centre + out * end.tangent;
+  end.center = end.center + out * end.tangent;
   end.length += out;
   end.scale = k < count ? cosine : 0;
   return end;

@@ -21,9 +21,9 @@ VARIANCE = 0.5  # At the start of every decision, a quarter of the range of acti
 # The authors' code lets the variance collapse; ours keeps a standard deviation of 0.05, as a
 # population of 10 has one elite and would have none.
 VARIANCE_FLOOR = 0.05**2
-# iCEM (Pinneri et al. 2020): exponent of the power spectrum of its noise, by which neighbouring
+# iCEM (Pinneri et al. 2020): exponent of the power spectrum of its noise, by which neighboring
 # actions are alike; fraction of the elites that go on to the next iteration.
-COLOUR, KEPT = 2.5, 0.3
+COLOR, KEPT = 2.5, 0.3
 
 # Returns (n,) of action sequences (n, horizon, size).
 Score = Callable[[np.ndarray], np.ndarray]
@@ -160,7 +160,7 @@ class ICEM(CEM):
     """iCEM: smooth noise, elites that are kept, the mean among the last; the best is executed."""
 
     def _noise(self, shape, random):
-        return coloured_noise(shape, random)
+        return colored_noise(shape, random)
 
     def _population(self, samples, kept_elites, mean, iteration):
         samples = np.concatenate([kept_elites, samples])
@@ -199,8 +199,8 @@ def make_planner(name: str, task: str, horizon: int | None = None, **settings) -
     return PLANNERS[name](usual_horizon(task) if horizon is None else horizon, **settings)
 
 
-def coloured_noise(shape: tuple[int, ...], random: np.random.Generator) -> np.ndarray:
-    """Normal noise (n, horizon, size) of unit variance with a power spectrum 1 / f^COLOUR in time.
+def colored_noise(shape: tuple[int, ...], random: np.random.Generator) -> np.ndarray:
+    """Normal noise (n, horizon, size) of unit variance with a power spectrum 1 / f^COLOR in time.
 
     By the method of Timmer and Koenig (1995): amplitudes and phases of each frequency are normal.
     """
@@ -209,7 +209,7 @@ def coloured_noise(shape: tuple[int, ...], random: np.random.Generator) -> np.nd
         return random.standard_normal(shape)
     frequencies = np.fft.rfftfreq(horizon)
     frequencies[0] = frequencies[1]  # The mean varies as the slowest wave does.
-    scale = frequencies ** (-COLOUR / 2)
+    scale = frequencies ** (-COLOR / 2)
     real = random.standard_normal((number, size, len(frequencies))) * scale
     imaginary = random.standard_normal((number, size, len(frequencies))) * scale
     imaginary[..., 0] = 0.0

@@ -27,7 +27,7 @@ CODECS = ("libsvtav1", "h264", "hevc", "auto")  # Of LeRobot, its own choice fir
 # Observations that are states, and the places that LeRobot's policies have for them, in order.
 _STATES = ("proprioception", "reduced", "markov", "full")
 _PLACES = ("observation.state", "observation.environment_state")
-_PICTURE = 3  # Dimensions of what one camera sees in colours.
+_PICTURE = 3  # Dimensions of what one camera sees in colors.
 _LARGEST = 1000  # Of denominators: rates of env steps are 100 by whole numbers.
 
 
@@ -224,7 +224,7 @@ def _seen(observations: Mapping[str, np.ndarray], actor: Actor) -> dict[str, Col
 
 
 def _is_seen(kind: np.dtype, dimensions: int) -> bool:
-    """Whether an observation is what cameras see in colours."""
+    """Whether an observation is what cameras see in colors."""
     return kind == np.uint8 and dimensions >= _PICTURE
 
 

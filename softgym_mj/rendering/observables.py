@@ -21,7 +21,7 @@ _GEOM = int(mujoco.mjtObj.mjOBJ_GEOM)  # Comparing an array with the enum itself
 _blank = contextvars.ContextVar("blank", default=False)
 
 
-class LabelledView(CameraView):
+class LabeledView(CameraView):
     """Camera with object labels; labels, depths and point clouds never contain goal marks.
 
     Labels and point clouds include objects behind glass; depths are those of the glass.
@@ -45,11 +45,11 @@ class LabelledView(CameraView):
 
     def labels(self, physics) -> np.ndarray:
         """Renders labels: index into `LABELS` of each pixel (height, width) uint8."""
-        return self._labelled(physics)[0]
+        return self._labeled(physics)[0]
 
     def points(self, physics) -> np.ndarray:
         """Returns points (n, 3) [m] of the object, one for each pixel that shows it."""
-        labels, depth = self._labelled(physics)
+        labels, depth = self._labeled(physics)
         shown = labels == LABELS.index("object")
         return point_clouds.seen_points(depth, shown, self.calibration(physics))
 
@@ -57,7 +57,7 @@ class LabelledView(CameraView):
         """Renders segmentation and depth of one pass, without goal marks."""
         return self._surfaces(physics, marks=False)
 
-    def _labelled(self, physics) -> tuple[np.ndarray, np.ndarray]:
+    def _labeled(self, physics) -> tuple[np.ndarray, np.ndarray]:
         """Renders labels and depths [m] (height, width) of objects, also of those behind glass."""
         self._read(physics.model.ptr)
         labels, depth = self._first(self, physics)
@@ -91,9 +91,9 @@ def fixed_observables(
 
     Args:
         height, width: Size of images [pixels].
-        parts: As in `LabelledView`.
+        parts: As in `LabeledView`.
     """
-    task, *pair = (LabelledView(name, height, width, parts) for name in ("task", *EXTERNAL))
+    task, *pair = (LabeledView(name, height, width, parts) for name in ("task", *EXTERNAL))
     image = height, width
     colors = specs.BoundedArray((*image, 3), np.uint8, 0, 255)
     labels = specs.BoundedArray(image, np.uint8, 0, len(LABELS) - 1)
@@ -132,7 +132,7 @@ def wrist_observables(
 
 
 def geom_labels(model: mujoco.MjModel, parts: Mapping[str, Sequence[str]]) -> np.ndarray:
-    """Returns the index into `LABELS` of each geom (ngeom,) uint8; `parts` as in `LabelledView`."""
+    """Returns the index into `LABELS` of each geom (ngeom,) uint8; `parts` as in `LabeledView`."""
     owners = {name: i for i, label in enumerate(LABELS) for name in parts.get(label, ())}
     return np.array([_label(model.body(body).name, owners) for body in model.geom_bodyid], np.uint8)
 

@@ -138,19 +138,19 @@ def refined(number: int, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     rim = counts == 1
     on_rim = np.zeros(number, bool)
     on_rim[edges[rim].ravel()] = True
-    neighbours = np.zeros((number, number))
-    neighbours[edges[:, 0], edges[:, 1]] = neighbours[edges[:, 1], edges[:, 0]] = 1.0
+    neighbors = np.zeros((number, number))
+    neighbors[edges[:, 0], edges[:, 1]] = neighbors[edges[:, 1], edges[:, 0]] = 1.0
     rims = np.zeros((number, number))
     a, b = edges[rim].T
     rims[a, b] = rims[b, a] = 1.0
     is_plain = on_rim & (rims.sum(axis=1) == 2)
     weights[:number] = np.eye(number)  # Where rims meet.
     weights[:number][is_plain] = 0.75 * np.eye(number)[is_plain] + 0.125 * rims[is_plain]
-    valence = neighbours.sum(axis=1)
+    valence = neighbors.sum(axis=1)
     beta = np.where(valence == 3, 3 / 16, 3 / (8 * np.maximum(valence, 1)))
     inside = ~on_rim
     weights[:number][inside] = (
-        np.eye(number) * (1 - valence * beta)[:, None] + neighbours * beta[:, None]
+        np.eye(number) * (1 - valence * beta)[:, None] + neighbors * beta[:, None]
     )[inside]
     # Edges: 3/8 of the ends and 1/8 of the two opposite corners, or the middle of a rim.
     rows = number + np.arange(len(edges))

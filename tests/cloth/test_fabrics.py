@@ -30,11 +30,11 @@ def test_fabrics_drape_by_the_lengths_that_are_known_of_them():
 
 def test_every_number_says_where_it_comes_from():
     numbers = {f.name for f in dataclasses.fields(fabrics.FabricData)}
-    numbers -= {"name", "summary", "origin", "source", "licence"}
+    numbers -= {"name", "summary", "origin", "source", "license"}
     for fabric in FABRICS.values():
         assert set(fabric.origin) == numbers
         assert set(fabric.origin.values()) <= {MEASURED, FITTED, ASSUMED}
-        assert fabric.source and fabric.licence
+        assert fabric.source and fabric.license
 
 
 def test_a_sheet_is_made_of_a_named_fabric():

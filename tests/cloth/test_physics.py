@@ -224,7 +224,7 @@ def test_without_drag_a_sheet_falls_freely():
 
 @pytest.mark.parametrize(("spacing", "squeezed"), [(0.03, 1.0), (0.011, 1.0), (0.011, 0.95)])
 def test_a_sheet_takes_air_along_however_fine_it_is(spacing, squeezed):
-    """Neighbours are nearer than it is thick, and than layers are kept apart, but no layers."""
+    """Neighbors are nearer than it is thick, and than layers are kept apart, but no layers."""
     mesh = rectangle(0.2, 0.2, spacing)
     fabric = dataclasses.replace(LIMP, added_mass=0.3, stretch_stiffness=1.0)
     start = mesh.points * [squeezed, squeezed, 1.0]

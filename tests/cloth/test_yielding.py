@@ -16,7 +16,7 @@ ROPE, CLOTH = "straighten_rope", "spread_cloth"
 # [m] Of the picker centers above the vertices: the spheres just touch these.
 ABOVE = {ROPE: 0.03, CLOTH: 0.055}
 SECONDS = 0.32  # Of pulling.
-NEIGHBOURS = (180, 181)  # Vertices in the middle of the cloth, along X.
+NEIGHBORS = (180, 181)  # Vertices in the middle of the cloth, along X.
 # Of a learned policy: one picker takes hold of a tangled rope of variation 801 and whips it.
 WHIP = [
     [-0.87, -1.0, -1.0, 1.0, -0.91, -1.0, -0.86, 0.02],
@@ -67,12 +67,12 @@ def apart(env):
     return moves(-way, way)
 
 
-# Without holds that yield, neighbours are pulled 45 and 18 times as far apart as they belong. What
+# Without holds that yield, neighbors are pulled 45 and 18 times as far apart as they belong. What
 # is left is the jerk with which the other picker goes on.
 @pytest.mark.parametrize(
     ("task", "vertices", "strain"),
     [(ROPE, (20, 21), 0.1), (ROPE, (15, 25), 0.1), (ROPE, (0, 40), 0.1),
-     (CLOTH, NEIGHBOURS, 0.35), (CLOTH, (178, 183), 0.35), (CLOTH, (0, 18), 0.35)],
+     (CLOTH, NEIGHBORS, 0.35), (CLOTH, (178, 183), 0.35), (CLOTH, (0, 18), 0.35)],
 )  # fmt: skip
 def test_what_is_pulled_apart_hardly_stretches(task, vertices, strain):
     env = lay(task)
@@ -238,7 +238,7 @@ def test_arms_lose_what_they_pull_apart():
 
 def test_a_vertex_that_pulls_too_hard_slips(monkeypatch):
     env = lay(CLOTH)
-    vertices = NEIGHBOURS
+    vertices = NEIGHBORS
     hold(env, vertices)
     limit = env.task.objects[0].hold_force
     forces = {vertices[0]: limit + 0.1, vertices[1]: limit - 0.1}

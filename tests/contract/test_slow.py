@@ -62,7 +62,7 @@ def test_a_restore_takes_less_than_five_milliseconds(task):
 
 
 def scores_of_the_expert(task, **settings):
-    """Final normalised performances (20,) of the scripted expert on variations 800..819."""
+    """Final normalized performances (20,) of the scripted expert on variations 800..819."""
     env = softgym_mj.load(task, split="evaluate", **settings)
     scores = []
     for variation in range(800, 820):

@@ -149,7 +149,7 @@ def test_sb3_states(run):
 
 def test_sb3_images(run):
     recipe = run("Stable-Baselines3: images")
-    assert recipe.model.observation_space.shape == (6, 64, 64)  # Two images, colours first.
+    assert recipe.model.observation_space.shape == (6, 64, 64)  # Two images, colors first.
     assert recipe.envs.observation_space.shape == (64, 64, 6)
     assert recipe.action.shape == (1, 8) and np.abs(recipe.action).max() <= 1.0
 

@@ -9,7 +9,7 @@ LARGEST, ALL = 400e3, 2.5e6  # Of a file, and of all of them [bytes].
 
 
 def moving_dot(n, still):
-    """A dot on grey that moves by two pixels a picture, then stands still."""
+    """A dot on gray that moves by two pixels a picture, then stands still."""
     frames = np.full((n + still, 60, 60, 3), 128, np.uint8)
     for i, frame in enumerate(frames):
         x = 2 * min(i, n - 1)

@@ -124,8 +124,8 @@ def test_figures_are_drawn_from_results(tmp_path, three):
         assert picture.shape[0] > 300 and len(np.unique(picture[..., 0])) > 20
     with pytest.raises(StoreError, match="does not plan"):
         plots.curves(read, "horizon", tmp_path / "x.png")
-    with pytest.raises(InvalidArgumentError, match="x='colour'"):
-        plots.curves(read, "colour", tmp_path / "x.png")
+    with pytest.raises(InvalidArgumentError, match="x='color'"):
+        plots.curves(read, "color", tmp_path / "x.png")
     with pytest.raises(InvalidArgumentError, match=r"'\.xyz'.*'\.png'"):
         plots.bars(read, tmp_path / "bars.xyz")
 

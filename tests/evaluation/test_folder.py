@@ -106,7 +106,7 @@ def test_processes_share_a_folder(tmp_path):
 
 def test_a_failed_evaluation_leaves_its_folder_free(tmp_path):
     with pytest.raises(UnexpectedArgumentError):
-        evaluate(dataclasses.replace(SIMPLE, settings={"colour": "red"}), tmp_path)
+        evaluate(dataclasses.replace(SIMPLE, settings={"color": "red"}), tmp_path)
     assert evaluate(SIMPLE, tmp_path)["settings"] == SHORT
 
 

@@ -96,7 +96,7 @@ BAD = [
     ({"max_speed": "0"}, "max_speed"),
     ({"draw": "blob"}, "surface, fine, particles or none"),
     ({"rgba": "1 0 0"}, "4 numbers"),
-    ({"colour": "blue"}, "unrecognized attribute"),
+    ({"color": "blue"}, "unrecognized attribute"),
 ]  # fmt: skip
 
 
@@ -126,7 +126,7 @@ def test_unsupported_walls_and_flags_are_compile_errors():
 
 BALL = '<geom type="sphere" size="0.02" pos="0.01 0 0.03"/>'
 GHOST = BALL.replace("/>", ' contype="0" conaffinity="0"/>')
-CENTRED = '<geom type="sphere" size="0.02"/>'
+CENTERED = '<geom type="sphere" size="0.02"/>'
 
 
 @pytest.mark.parametrize(
@@ -151,7 +151,7 @@ def test_what_is_fixed_to_the_world_is_a_wall(scenery, walls):
 
 def test_a_fixed_body_holds_water_back_as_the_world_does():
     ends = []
-    nested = f'<body pos="0.01 0 0"><body pos="0 0 0.03">{CENTRED}</body></body>'
+    nested = f'<body pos="0.01 0 0"><body pos="0 0 0.03">{CENTERED}</body></body>'
     for scenery in ("", BALL, nested):
         cup = FluidCup((5, 5), 5, scenery=scenery)
         cup.step(100)

@@ -1,4 +1,4 @@
-"""Behaviour cloning: its oracles are plain loops, one seed alone, and experts that are formulas."""
+"""Behavior cloning: its oracles are plain loops, one seed alone, and experts that are formulas."""
 
 import numpy as np
 import pytest

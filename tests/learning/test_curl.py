@@ -54,7 +54,7 @@ def test_comparisons_begin_with_numbers_in_0_to_1():
 
 
 def test_an_update_is_that_of_the_paper():
-    """Critics learn from crops; then two optimisers follow the contrastive loss."""
+    """Critics learn from crops; then two optimizers follow the contrastive loss."""
     curl, batch = _curl(), batch_of_images(2, size=SIZE)
     alike = copy.deepcopy(curl)
     source = generators([0, 1], "cpu")
@@ -66,7 +66,7 @@ def test_an_update_is_that_of_the_paper():
     ]
     noise = drawn(source, 5, ACTION)
     seen = type(batch)(crops[0], batch.action, batch.reward, crops[1], batch.discount)
-    # By an optimiser of PyTorch for each.
+    # By an optimizer of PyTorch for each.
     encoder, contrast = [*alike.critics.encoder.parameters()], alike.contrast.weight
     for weights, rates, loss in (
         ([*alike.critics.parameters()], [3e-4], lambda: alike.critic_loss(seen, noise)),

@@ -84,7 +84,7 @@ def _alone(rope, full):
 @pytest.mark.parametrize("strategy", ["future", "final"])
 def test_goals_are_reached_later_and_measured_by_the_task(rope, strategy):
     steps, batch = _steps(rope), _replay(rope, strategy=strategy).sample(150)
-    seen, relabelled = {}, 0
+    seen, relabeled = {}, 0
     count = 3 * len(rope.task.rope.key_points)
     for k, i in np.ndindex(len(SEEDS), 150):
         t, env_index = (int(value) for value in batch.observation[k, i, -6:-4])
@@ -99,7 +99,7 @@ def test_goals_are_reached_later_and_measured_by_the_task(rope, strategy):
             if np.array_equal(goal[rope.task.rope.key_points].ravel(), key_points.double().numpy())
         ]  # fmt: skip
         assert len(chosen) == 1
-        relabelled += chosen[0] != "own"
+        relabeled += chosen[0] != "own"
         seen.setdefault((t, last), set()).add(chosen[0])
         expected = 0.0
         for n in range(2):
@@ -112,7 +112,7 @@ def test_goals_are_reached_later_and_measured_by_the_task(rope, strategy):
         assert batch.reward[k, i].item() == pytest.approx(expected, rel=1e-5)
         lives = 0.0 if ENDS.get(t + n, (False, False))[1] else 1.0
         assert batch.discount[k, i].item() == DISCOUNT ** (n + 1) * lives
-    assert 0.74 < relabelled / 300 < 0.86
+    assert 0.74 < relabeled / 300 < 0.86
     assert {t for t, _ in seen} == set(range(STEPS - CAPACITY, STEPS - 1))
     for (t, last), names in seen.items():
         assert names == ({"own", last} if strategy == "final" else {"own", *range(t, last + 1)})

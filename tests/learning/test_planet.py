@@ -396,13 +396,13 @@ def test_it_reaches_the_middle_more_often_than_random_actions(trained):
 
 
 def test_measures_of_predictions():
-    grey, red = np.full((2, 4, 4, 3), 100, np.uint8), np.full((2, 4, 4, 3), 100, np.uint8)
+    gray, red = np.full((2, 4, 4, 3), 100, np.uint8), np.full((2, 4, 4, 3), 100, np.uint8)
     red[0, :2, :, 0], red[1] = 110, red[0]
     expected = 10.0 * np.log10(255.0**2 / (8 * 100 / 48))
-    np.testing.assert_allclose(open_loop.psnr(grey[0], red[0]), expected)
-    assert open_loop.psnr(grey, grey).tolist() == [np.inf, np.inf]
-    red[0, :2, :, 0], red[1] = 200, grey[1]
-    other = grey.copy()
+    np.testing.assert_allclose(open_loop.psnr(gray[0], red[0]), expected)
+    assert open_loop.psnr(gray, gray).tolist() == [np.inf, np.inf]
+    red[0, :2, :, 0], red[1] = 200, gray[1]
+    other = gray.copy()
     other[0, 1:3, :2, 2] = 10
     # In the first 8 and 4 pixels, of which 2 are in both; in the second none at all.
     np.testing.assert_allclose(open_loop.overlap(red, other), [2 / 10, 1.0])

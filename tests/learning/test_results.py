@@ -420,7 +420,7 @@ def test_commands_have_what_settings_replace(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ("gpu_minutes = 2\ncolour = 3", "run 1: .*colour"),
+        ("gpu_minutes = 2\ncolor = 3", "run 1: .*color"),
         ("core_hours = 2\ngpu_minutes = 2", "run 1: gpu_minutes"),
         ("core_hours = 'two'", "run 1: core_hours='two'"),
         ("core_hours = ", "cannot be read"),

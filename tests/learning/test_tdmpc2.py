@@ -74,7 +74,7 @@ def _model(seeds=(1, 2)):
 # ---------------------------------------------------------------------- two hot
 
 
-def test_two_neighbouring_bins_tell_a_number():
+def test_two_neighboring_bins_tell_a_number():
     numbers = torch.tensor([-3e4, -200.0, -0.3, 0.0, 0.07, 1.0, 21.5, 22_025.0, 1e6])
     result = two_hot(numbers, 101)
     for row, number in zip(result.tolist(), numbers.tolist(), strict=True):
@@ -399,7 +399,7 @@ def _perturbed(learner, seed=7):
     return learner
 
 
-def test_updates_are_those_of_pytorch_s_own_optimisers():
+def test_updates_are_those_of_pytorch_s_own_optimizers():
     settings = TDMPC2Settings(**{**vars(SMALL), "largest_gradient": 0.3, "tau": 0.2})
     learner = _perturbed(_learner([1], settings))
     oracle, scale, draws = copy.deepcopy(learner.model), 2.0, []

@@ -10,7 +10,7 @@ from torch.nn import functional
 import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.learner import Problem
-from softgym_mj.learning.methods.wu.cloth_pixels import cloth_pixels, pixel_centres
+from softgym_mj.learning.methods.wu.cloth_pixels import cloth_pixels, pixel_centers
 from softgym_mj.learning.methods.wu.learner import PickAndPlace, WuSettings, make
 from softgym_mj.learning.networks import LayerNorm, Linear, drawn, generators
 from softgym_mj.learning.registry import find_method, find_preset
@@ -30,8 +30,8 @@ def _blobs(corner, size, half=1):
     near = (rows[:, None] - corner[..., 0, None, None]).abs().maximum(
         (columns - corner[..., 1, None, None]).abs()
     ) <= half  # fmt: skip
-    colours = torch.tensor([FLOOR, LINEN], dtype=torch.uint8)
-    return colours[near.long()]
+    colors = torch.tensor([FLOOR, LINEN], dtype=torch.uint8)
+    return colors[near.long()]
 
 
 def _images(source, seeds, number, size=SIZE):
@@ -73,7 +73,7 @@ def test_cloth_pixels_are_those_of_the_labels(task):
             labels.append(timestep.observation["segmentation"] == 1)
             if not end:
                 row, column = np.argwhere(labels[-1])[0]
-                pick = pixel_centres(64, 64)[64 * row + column].numpy()
+                pick = pixel_centers(64, 64)[64 * row + column].numpy()
                 timestep = env.step(np.array([*pick, 0.3, 0.2, -0.5]))
     mask, label = np.array(masks), np.array(labels)
     each = (mask & label).sum((1, 2)) / (mask | label).sum((1, 2))
@@ -89,7 +89,7 @@ def test_picks_are_cloth_pixels_with_equal_chances():
     images = _blobs(corner, SIZE).expand(-1, number, -1, -1, -1)
     pick = wu.draw_pick(images)
     for k, cloth in enumerate(cloth_pixels(images)[:, 0].flatten(1)):
-        centers = pixel_centres(*SIZE)[cloth]
+        centers = pixel_centers(*SIZE)[cloth]
         shares = (pick[k][:, None] == centers).all(-1).float().mean(0)
         assert len(shares) == (9, 4)[k] and shares.sum() == 1.0
         assert (shares * len(shares) - 1.0).abs().max() < 0.2
@@ -99,7 +99,7 @@ def test_picks_are_cloth_pixels_with_equal_chances():
 
 
 def test_pixels_are_told_as_the_actor_takes_them():
-    centers = pixel_centres(2, 4)
+    centers = pixel_centers(2, 4)
     assert centers[1].tolist() == [-0.25, -0.5] and centers[4].tolist() == [-0.75, 0.5]
 
 
@@ -192,7 +192,7 @@ def test_the_best_are_a_fifth_of_the_cloth_by_what_critics_say(min_q_weight):
     result = wu.best(images.expand(-1, number, -1, -1, -1), generators([0, 1], "cpu"))
     for k in range(2):
         actions = []
-        for pick in pixel_centres(*SIZE)[cloth[k]]:
+        for pick in pixel_centers(*SIZE)[cloth[k]]:
             place = _looked(wu.actor.body, k, images[k, 0], pick).chunk(2)[0].tanh()
             both = [_looked(own, k, images[k, 0], pick, place) for own in wu.critics.pair]
             value = min_q_weight * min(both) + (1.0 - min_q_weight) * sum(both) / 2.0
@@ -216,7 +216,7 @@ def test_what_is_done_at_random_begins_at_cloth():
     learner, source = make(SMALL, _problem()), torch.Generator().manual_seed(5)
     images, no = _images(source, 2, 200), torch.zeros(2, 200, dtype=torch.bool)
     action, _ = learner.act(images, no, None, explore=True)
-    at = (action[..., None, :2] == pixel_centres(*SIZE)).all(-1)
+    at = (action[..., None, :2] == pixel_centers(*SIZE)).all(-1)
     assert at.sum() == 400 and (at & cloth_pixels(images).flatten(2)).sum() == 400
     assert action[..., 2:].abs().max() > 0.99 and action[..., 2:].mean().abs() < 0.1
 

@@ -75,7 +75,7 @@ class Maker:
     def instance(self, name, attributes, share):
         keys = [k for k in attributes if self.chance(share) or k in ("substeps", "sweeps")]
         if self.chance(self.odd / 4):
-            keys += [self.one_of((*attributes, "colour", "")), *keys[:1]]
+            keys += [self.one_of((*attributes, "color", "")), *keys[:1]]
         config = "".join(
             f'<config key="{k}" value="{self.value(self.one_of(attributes.get(k, ODD)))}"/>'
             for k in keys

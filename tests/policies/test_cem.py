@@ -8,7 +8,7 @@ from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.parallel.executors import SerialExecutor
 from softgym_mj.policies import planners
 from softgym_mj.policies.model_predictive import ModelPredictivePolicy
-from softgym_mj.policies.planners import CEM, ICEM, coloured_noise, make_planner
+from softgym_mj.policies.planners import CEM, ICEM, colored_noise, make_planner
 from softgym_mj.policies.rollouts import ExecutorRollouts, Rollouts, answered
 from softgym_mj.storage.journal import Journal
 from softgym_mj.vector.batch.rollouts import DeviceRollouts
@@ -83,8 +83,8 @@ def test_a_plan_is_shifted_by_what_was_executed():
 
 
 @pytest.mark.parametrize("horizon", [1, 2, 7, 30])
-def test_coloured_noise_has_its_spectrum(horizon):
-    noise = coloured_noise((20_000, horizon, 2), np.random.default_rng(0))
+def test_colored_noise_has_its_spectrum(horizon):
+    noise = colored_noise((20_000, horizon, 2), np.random.default_rng(0))
     assert noise.shape == (20_000, horizon, 2)
     np.testing.assert_allclose(noise.var(axis=(0, 2)), 1.0, atol=0.03)
     assert abs(noise.mean()) < 0.02
@@ -93,7 +93,7 @@ def test_coloured_noise_has_its_spectrum(horizon):
         power = np.square(np.abs(np.fft.rfft(noise, axis=1))).mean(axis=(0, 2))[1:]
         frequency = np.arange(1, len(power) + 1)
         slope = np.polyfit(np.log(frequency[: horizon // 2]), np.log(power[: horizon // 2]), 1)[0]
-        assert slope == pytest.approx(-planners.COLOUR, abs=0.1)
+        assert slope == pytest.approx(-planners.COLOR, abs=0.1)
 
 
 def test_bad_settings():

@@ -82,7 +82,7 @@ def run(command, monkeypatch):
 
 
 def scores(policy, task="own_pull"):
-    """Normalised performance at the end of variation 800."""
+    """Normalized performance at the end of variation 800."""
     env = softgym_mj.load(task, split="evaluate")
     timestep = env.reset(800)
     while not timestep.last():

@@ -23,8 +23,8 @@ def _env():
     return softgym_mj.load("straighten_rope", split="evaluate", horizon=4)
 
 
-def still(colour, count=1, size=64):
-    return np.full((count, size, size, 3), colour, np.uint8)
+def still(color, count=1, size=64):
+    return np.full((count, size, size, 3), color, np.uint8)
 
 
 def test_an_episode_is_what_a_loop_over_its_steps_sees(env):

@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 import softgym_mj
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
-from softgym_mj.rendering.observables import LABELS, LabelledView
+from softgym_mj.rendering.observables import LABELS, LabeledView
 from softgym_mj.rendering.offscreen import GLASS_GROUP, CameraView
 
 SIZE, GEOM = (160, 160), mujoco.mjtObj.mjOBJ_GEOM
@@ -40,7 +40,7 @@ def test_water_behind_glass_is_water(task):
     walls = CameraView("task", *SIZE).segmentation(env.physics)
     model = env.physics.model.ptr
     glass = (walls[..., 1] == GEOM) & (model.geom_group[walls[..., 0]] == GLASS_GROUP)
-    assert (glass & water).sum() > 0.5 * water.sum()  # Which was labelled as the cup.
+    assert (glass & water).sum() > 0.5 * water.sum()  # Which was labeled as the cup.
     np.testing.assert_array_equal(labels == LABELS.index("container"), glass & ~water)
 
 
@@ -114,5 +114,5 @@ def test_the_outline_is_where_the_goal_is():
 
 def test_the_camera_of_labels_needs_no_cups():
     env, _ = look("spread_cloth", observation="reduced")
-    labels = LabelledView("task", *SIZE, lambda: {}).labels(env.physics)
+    labels = LabeledView("task", *SIZE, lambda: {}).labels(env.physics)
     assert set(np.unique(labels)) == {0, LABELS.index("object")}

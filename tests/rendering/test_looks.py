@@ -77,7 +77,7 @@ def test_splines_go_through_the_ends_and_keep_lines(number, finer):
     np.testing.assert_allclose(weights.sum(axis=1), 1.0)
     np.testing.assert_allclose(weights @ np.arange(number), places, atol=1e-12)
     np.testing.assert_allclose(weights[[0, -1]], np.eye(number)[[0, -1]], atol=1e-12)
-    # Known: a point, its neighbours: 1/6, 4/6, 1/6.
+    # Known: a point, its neighbors: 1/6, 4/6, 1/6.
     if number > 4:
         np.testing.assert_allclose(weights[2 * finer, 1:4], [1 / 6, 4 / 6, 1 / 6])
 

@@ -31,7 +31,7 @@ def test_labels_show_what_the_task_has(task):
     assert {LABELS[i] for i in np.unique(observation["segmentation"])} == expected
 
 
-def test_labels_follow_the_colours():
+def test_labels_follow_the_colors():
     """The rope is the only blue, the pickers the only dark things; edges are blended."""
     _, observation = look("straighten_rope")
     image, labels = observation["rgb"].astype(int), observation["segmentation"]

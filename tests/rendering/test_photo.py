@@ -1,4 +1,4 @@
-"""Photographs show what MuJoCo's camera shows, in the colours of its materials."""
+"""Photographs show what MuJoCo's camera shows, in the colors of its materials."""
 
 import importlib
 import pathlib
@@ -97,7 +97,7 @@ def test_a_still_leaves_the_state_alone(env):
     assert all(np.array_equal(getattr(data, kind), before[kind]) for kind in kinds)
 
 
-def test_cloth_has_the_colour_of_its_texture(mi):
+def test_cloth_has_the_color_of_its_texture(mi):
     """It lies flat on the table: the same light falls on both, and both are matt."""
     env = softgym_mj.load("fold_cloth", split="all")
     env.reset(806)

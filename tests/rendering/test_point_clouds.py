@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 import softgym_mj
-from softgym_mj.rendering.observables import EXTERNAL, LABELS, LabelledView
+from softgym_mj.rendering.observables import EXTERNAL, LABELS, LabeledView
 from softgym_mj.rendering.point_clouds import NUM_CLOUD_POINTS, cloud, thinned
 
 
@@ -32,7 +32,7 @@ def test_two_cameras_see_both_slopes_and_one_does_not():
     env, points, seen = tent()
     assert len(seen) == NUM_CLOUD_POINTS and covered(points, seen) > 0.95
     for name in EXTERNAL:
-        view = LabelledView(name, 128, 128, lambda: env.task.scene.segmentation_models)
+        view = LabeledView(name, 128, 128, lambda: env.task.scene.segmentation_models)
         assert covered(points, view.points(env.physics)) < 0.7
     distance = cKDTree(points).query(seen)[0]  # Half a diagonal of the mesh, and the thickness.
     assert distance.max() < 0.75 * 0.04 + 0.007
@@ -83,7 +83,7 @@ def test_labels_and_depths_agree_at_edges(task):
     env.reset(806)
     points = env.task.points()
     for name in ("task", *EXTERNAL):
-        view = LabelledView(name, 128, 128, lambda: env.task.scene.segmentation_models)
+        view = LabeledView(name, 128, 128, lambda: env.task.scene.segmentation_models)
         seen = view.points(env.physics)
         assert len(seen) == np.sum(view.labels(env.physics) == LABELS.index("object")) > 300
         assert cKDTree(points).query(seen)[0].max() < 0.04

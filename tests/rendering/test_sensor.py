@@ -47,11 +47,11 @@ def test_blur_is_a_gaussian_mean():
 
 
 def test_noise_has_its_deviation_and_its_seed():
-    grey = np.full((200, 200, 3), 128, np.uint8)
-    noisy = taken(grey, noise=6.0)
+    gray = np.full((200, 200, 3), 128, np.uint8)
+    noisy = taken(gray, noise=6.0)
     assert noisy.std() == pytest.approx(6.0, rel=0.02) and noisy.mean() == pytest.approx(128, abs=1)
-    assert noisy.tobytes() == taken(grey, noise=6.0).tobytes()
-    assert noisy.tobytes() != taken(grey, seed=1, noise=6.0).tobytes()
+    assert noisy.tobytes() == taken(gray, noise=6.0).tobytes()
+    assert noisy.tobytes() != taken(gray, seed=1, noise=6.0).tobytes()
 
 
 def test_exposure_is_a_factor_that_ends_at_white():

@@ -6,7 +6,7 @@ import pytest
 import softgym_mj
 from softgym_mj.batch.device import CpuDevice
 from softgym_mj.rendering.batch import Pictures, describe
-from softgym_mj.rendering.observables import LABELS, LabelledView
+from softgym_mj.rendering.observables import LABELS, LabeledView
 
 SIZE = 96, 96
 OBJECT = LABELS.index("object")
@@ -40,7 +40,7 @@ def _shown(camera, points, radius):
 
 
 def _drawn_by_opengl(env, points):
-    view = LabelledView("task", *SIZE, lambda: env.task.scene.segmentation_models)
+    view = LabeledView("task", *SIZE, lambda: env.task.scene.segmentation_models)
     return view.labels(env.physics)
 
 
@@ -60,7 +60,7 @@ def test_drops_keep_their_area(drawn, spread):
     """The surface of a drop is a polyhedron within the ball."""
     env, points, radius = _spilled(spread)
     found = drawn(env, points)
-    camera = LabelledView("task", *SIZE, dict).calibration(env.physics)
+    camera = LabeledView("task", *SIZE, dict).calibration(env.physics)
     expected = _shown(camera, points, radius) & (found != LABELS.index("container"))
     assert 0.1 < expected.mean() < 0.5
     assert 0.45 < (found == OBJECT).sum() / expected.sum() < 0.9

@@ -250,7 +250,7 @@ def test_the_cloth_hangs_by_two_corners_that_the_pickers_hold(task):
     assert cloth.points()[:, 2].max() < 0.4  # It fell.
 
 
-def test_held_corners_stay_above_half_a_metre(drop):
+def test_held_corners_stay_above_half_a_meter(drop):
     drop.reset(801)
     for _ in range(10):
         drop.step(np.tile([0.0, 0.0, -1.0, 1.0], 2))

@@ -103,7 +103,7 @@ def _ball(device, number=1, size=(65, 65)):
     return pictures, scenes, device.put(np.zeros((number, 1, 3)))
 
 
-def test_distances_and_colours_of_a_ball_on_a_table():
+def test_distances_and_colors_of_a_ball_on_a_table():
     device = CpuDevice()
     pictures, scenes, points = _ball(device)
     poses = np.array([[[0.0, 0.0, 0.25, 1.0, 0.0, 0.0, 0.0]]])
@@ -118,7 +118,7 @@ def test_distances_and_colours_of_a_ball_on_a_table():
     ball = (-b - np.sqrt(np.maximum(root, 0.0))) / a
     np.testing.assert_allclose(found, np.where(root >= 0.0, ball, 2.0), atol=2e-5)
     colors = pictures.colors(scenes, points, poses)[0, 0]
-    # Seen and lit from straight above: 0.25 + 0.5 + 0.125 of its colour.
+    # Seen and lit from straight above: 0.25 + 0.5 + 0.125 of its color.
     np.testing.assert_array_equal(colors[0, 0], np.round(255 * 0.875 * np.array([0.9, 0.4, 0.2])))
     assert colors[32, 32].tolist() == [0, 0, round(255 * 0.875)]
 

@@ -32,7 +32,7 @@ struct Rows {
 struct Touch {
   Geom geom;
   Rigid rigid;
-  double centre[3], shift[3];  // At the start of the step, and since then [m].
+  double center[3], shift[3];  // At the start of the step, and since then [m].
   Rows points, triangles;
   SolidBlock *point_blocks, *triangle_blocks;
 };

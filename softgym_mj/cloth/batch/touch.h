@@ -42,10 +42,10 @@ inline void StartTouch(const Environment& w, int gripper) {
     touch->geom.shape = Shape::kSphere;
     touch->rigid.gives_way = false;
     for (int k = 0; k < 3; ++k) {
-      touch->centre[k] = w.gripper_qpos[3 * gripper + k];
+      touch->center[k] = w.gripper_qpos[3 * gripper + k];
       touch->shift[k] = 0;
       touch->geom.size[k] = k == 0 ? m.gripper_radius : 0;
-      touch->geom.pose[k] = static_cast<float>(touch->centre[k]);
+      touch->geom.pose[k] = static_cast<float>(touch->center[k]);
       for (int c = 0; c < 3; ++c) touch->geom.pose[3 + 3 * k + c] = k == c;
     }
     for (int k = 0; k < 6; ++k) {
@@ -79,8 +79,8 @@ inline void StartTouch(const Environment& w, int gripper) {
 inline void FindTouch(const Environment& w, Touch* touch, int substeps) {
   Once([&] {
     for (int k = 0; k < 3; ++k) {
-      touch->geom.pose[k] = static_cast<float>(touch->centre[k] + touch->shift[k]);
-      touch->rigid.centre[k] = touch->geom.pose[k];
+      touch->geom.pose[k] = static_cast<float>(touch->center[k] + touch->shift[k]);
+      touch->rigid.center[k] = touch->geom.pose[k];
     }
   });
   const float left = static_cast<float>(substeps);

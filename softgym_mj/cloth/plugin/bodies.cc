@@ -147,7 +147,7 @@ void Bodies::FillJacobian(int id, const Tree& tree, std::vector<double>* jacobia
   mju_sub3(offset, d_->xipos + 3 * id, d_->subtree_com + 3 * m_->body_rootid[id]);
   for (int dof = m_->body_dofadr[with_joints] + m_->body_dofnum[with_joints] - 1; dof >= 0;
        dof = m_->dof_parentid[dof]) {
-    const mjtNum* motion = d_->cdof + 6 * dof;  // Rotation, then translation of the tree's centre of mass.
+    const mjtNum* motion = d_->cdof + 6 * dof;  // Rotation, then translation of the tree's center of mass.
     const int place = tree.place[dof - tree.first];
     mjtNum linear[3];
     mju_cross(linear, motion, offset);
@@ -195,7 +195,7 @@ Body* Bodies::Find(int id) {
   body.tree = FindTree(m_->body_treeid[id]);
   const Tree& tree = trees_[body.tree];
   const int n = tree.count;
-  mju_copy3(body.centre, d_->xipos + 3 * id);
+  mju_copy3(body.center, d_->xipos + 3 * id);
   body.turn[0] = 1;
   body.response.assign(6 * n, 0);
   FillJacobian(id, tree, &body.jacobian);
@@ -221,12 +221,12 @@ Body* Bodies::Find(int id) {
     if (tie.body != id) continue;
     tied = true;
     mjtNum arm[3];
-    mju_sub3(arm, tie.point, body.centre);
+    mju_sub3(arm, tie.point, body.center);
     body.inverse_mass = std::max(body.inverse_mass, PointCompliance(c, arm));
   }
   if (tied) {
     mjtNum turning[6];
-    PointAcceleration(m_, d_, id, body.centre, qvel_, nullptr, turning);
+    PointAcceleration(m_, d_, id, body.center, qvel_, nullptr, turning);
     for (int k = 0; k < 6; ++k) body.acceleration[k] += turning[k];
   }
   body.gives_way = body.inverse_mass > kImmovable;
@@ -244,7 +244,7 @@ void Bodies::Move() {
       body.rigid.move[k] += h_ * h_ * body.acceleration[k];
       body.rigid.impulse[k] = 0;
     }
-    for (int k = 0; k < 3; ++k) body.rigid.centre[k] = static_cast<float>(body.centre[k] + body.shift[k]);
+    for (int k = 0; k < 3; ++k) body.rigid.center[k] = static_cast<float>(body.center[k] + body.shift[k]);
   }
 }
 

@@ -15,7 +15,7 @@ namespace softgym_mj::cloth {
 // A body during a step. It moves as MuJoCo has moved it, plus impulses.
 struct Body {
   int tree;                // Index in the trees of `Bodies`.
-  double centre[3];        // Center of mass at the start of the step [m].
+  double center[3];        // Center of mass at the start of the step [m].
   double turn[4];          // Rotation since then (quaternion).
   double shift[3];         // Displacement of the center since then [m].
   double velocity[6];      // Linear and angular velocity at the start of the step.

@@ -94,7 +94,7 @@ struct Rigid {
   double compliance[6][6];  // 0 for a kinematic body.
   bool gives_way;
   double impulse[6];  // Impulse of the sweep; the reader resets it [kg m], [kg m^2].
-  float centre[3];    // Center of mass [m].
+  float center[3];    // Center of mass [m].
 };
 
 // Rows of contact between a geom and points of triangles, ropes or vertices.

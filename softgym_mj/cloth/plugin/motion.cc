@@ -30,7 +30,7 @@ void Localize(const Pose& pose, const mjtNum* point, mjtNum* local) {
 
 // Velocity at the start of the step of a point of a body.
 void PointVelocity(const mjModel* m, const mjData* d, int body, const mjtNum* point, mjtNum* out) {
-  const mjtNum* velocity = d->cvel + 6 * body;  // Rotation, then translation of the tree's centre of mass.
+  const mjtNum* velocity = d->cvel + 6 * body;  // Rotation, then translation of the tree's center of mass.
   mjtNum offset[3];
   mju_sub3(offset, point, d->subtree_com + 3 * m->body_rootid[body]);
   mju_cross(out, velocity, offset);

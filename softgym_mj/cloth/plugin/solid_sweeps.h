@@ -55,8 +55,8 @@ inline Lanes SidedDistance(const Geom& geom, const Lanes3& p, float* side, Lanes
 // Finds the weights of the point of a triangle nearest to the shape (Frank and Wolfe, 1956).
 inline void Approach(const Geom& geom, const Lanes3 corner[3], Lanes weight[3]) {
   if (geom.shape == Shape::kSphere) {
-    const Lanes3 centre = {Lanes(0.0f), Lanes(0.0f), Lanes(0.0f)};
-    return ClosestOnTriangle(centre, corner[0], corner[1], corner[2], weight);
+    const Lanes3 center = {Lanes(0.0f), Lanes(0.0f), Lanes(0.0f)};
+    return ClosestOnTriangle(center, corner[0], corner[1], corner[2], weight);
   }
   for (int k = 0; k < 3; ++k) weight[k] = Lanes(1.0f / 3);
   for (int i = 0; i < kFrankWolfe; ++i) {
@@ -130,8 +130,8 @@ inline void FindSolid(const Points& points, const float* start, const Geom& geom
   for (int k = 0; k < 3; ++k) mass = MultiplyAdd(weight[k] * weight[k], w[k], mass);
   if (body) {
     const Lanes3 there = AddScaled(AddScaled(weight[0] * world[0], weight[1], world[1]), weight[2], world[2]);
-    const Lanes3 centre = {Lanes(body->centre[0]), Lanes(body->centre[1]), Lanes(body->centre[2])};
-    const Lanes3 arm = there - centre;
+    const Lanes3 center = {Lanes(body->center[0]), Lanes(body->center[1]), Lanes(body->center[2])};
+    const Lanes3 arm = there - center;
     Store3(arm, block->arm);
     // Upper bound of the point's compliance in any direction. All eight rows may push the body.
     const double (*c)[6] = body->compliance;

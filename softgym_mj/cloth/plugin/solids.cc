@@ -51,7 +51,7 @@ Shape ShapeOf(int type) {
 // Upper bound of the displacement of a moving geom in the step [m].
 double FurthestWay(const mjModel* m, const mjData* d, int geom) {
   const int body = m->geom_bodyid[geom];
-  const mjtNum* velocity = d->cvel + 6 * body;  // Rotation, then translation of the tree's centre of mass.
+  const mjtNum* velocity = d->cvel + 6 * body;  // Rotation, then translation of the tree's center of mass.
   mjtNum arm[3], way[3];
   mju_sub3(arm, d->geom_xpos + 3 * geom, d->subtree_com + 3 * m->body_rootid[body]);
   mju_cross(way, velocity, arm);
@@ -134,11 +134,11 @@ void Solids::Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cl
     for (size_t p = 0; p < mesh.flexes.size(); ++p) touches |= MayTouch(m, g, mesh, static_cast<int>(p));
     if (!touches) continue;
     double margin = radius + kSolidMargin;
-    const double* centre = d->geom_xpos + 3 * g;
+    const double* center = d->geom_xpos + 3 * g;
     // Bodies are checked only if their geoms may be near.
     const auto away = [&](double most) {
       for (int k = 0; k < 3; ++k) {
-        if (centre[k] + most < low[k] || centre[k] - most > high[k]) return true;
+        if (center[k] + most < low[k] || center[k] - most > high[k]) return true;
       }
       return false;
     };
@@ -160,11 +160,11 @@ void Solids::Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cl
     active.view.shape = ShapeOf(m->geom_type[g]);
     for (int k = 0; k < 3; ++k) {
       active.view.size[k] = static_cast<float>(m->geom_size[3 * g + k]);
-      active.offset[k] = centre[k] - (body ? body->centre[k] : 0);
+      active.offset[k] = center[k] - (body ? body->center[k] : 0);
     }
     if (active.view.shape == Shape::kCylinder || active.view.shape == Shape::kCapsule) active.view.size[2] = 0;
     mju_copy(active.matrix, d->geom_xmat + 9 * g, 9);
-    for (int k = 0; k < 3; ++k) active.view.pose[k] = static_cast<float>(centre[k]);
+    for (int k = 0; k < 3; ++k) active.view.pose[k] = static_cast<float>(center[k]);
     for (int k = 0; k < 9; ++k) active.view.pose[3 + k] = static_cast<float>(active.matrix[k]);
     AddRows(mesh, &active, margin);
     num_rows_ += active.points.size() + active.triangles.size();
@@ -286,7 +286,7 @@ void Solids::Find(const ClothKernels& kernels, const Points& points, int substep
         for (int k = 0; k < 3; ++k) turned[3 * k + c] = result[k];
       }
       for (int k = 0; k < 3; ++k) {
-        active.view.pose[k] = static_cast<float>(body.centre[k] + body.shift[k] + offset[k]);
+        active.view.pose[k] = static_cast<float>(body.center[k] + body.shift[k] + offset[k]);
       }
       for (int k = 0; k < 9; ++k) active.view.pose[3 + k] = static_cast<float>(turned[k]);
     }

@@ -28,7 +28,7 @@ void Tied::Start(Bodies* bodies, double timestep, double h, cloth::Start* start)
     Rider rider = {};
     rider.tie = tie;
     rider.body = static_cast<int>(body - bodies->all().data());
-    mju_sub3(rider.start, tie.point, body->centre);
+    mju_sub3(rider.start, tie.point, body->center);
     mju_copy3(rider.arm, rider.start);
     double velocity[3];
     MovePoint(body->velocity, rider.arm, velocity);

@@ -125,9 +125,9 @@ void FlexBoundary::FillGrid() {
     for (int z = first[2]; z <= last[2]; ++z) {
       for (int y = first[1]; y <= last[1]; ++y) {
         for (int x = first[0]; x <= last[0]; ++x) {
-          const float centre[3] = {static_cast<float>((x + 0.5) * cell_), static_cast<float>((y + 0.5) * cell_),
+          const float center[3] = {static_cast<float>((x + 0.5) * cell_), static_cast<float>((y + 0.5) * cell_),
                                    static_cast<float>((z + 0.5) * cell_)};
-          if (!wraps && bound.OutOfReach(centre, most, slack_)) continue;
+          if (!wraps && bound.OutOfReach(center, most, slack_)) continue;
           cells_.push_back(Wrapped(x, y, z));
           entries_.push_back(element);
         }

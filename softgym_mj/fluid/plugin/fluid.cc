@@ -178,9 +178,9 @@ void HandOver(const mjModel* m, mjData* d, Workspace* w, mjtNum* forces, mjtNum*
     }
     if (!IsDynamic(m, body)) continue;
     const Pose pose = BodyPose(m, d, body);
-    mjtNum centre[3];
-    mju_rotVecQuat(centre, m->body_ipos + 3 * body, pose.quaternion);
-    mju_addTo3(centre, pose.position);
+    mjtNum center[3];
+    mju_rotVecQuat(center, m->body_ipos + 3 * body, pose.quaternion);
+    mju_addTo3(center, pose.position);
     // Inverse inertia of the body, with everything it is jointed to.
     const int nv = m->nv;
     w->jacobian.resize(6 * nv);
@@ -193,12 +193,12 @@ void HandOver(const mjModel* m, mjData* d, Workspace* w, mjtNum* forces, mjtNum*
       mobility[k / 3] = std::max(mobility[k / 3], a);
     }
     double inertia[2] = {0, 0};  // Mass and moment of inertia of the water near the body.
-    w->solver.TouchingInertia(first, last, centre, inertia);
+    w->solver.TouchingInertia(first, last, center, inertia);
     const double share[2] = {1 / (1 + inertia[0] * mobility[0]), 1 / (1 + inertia[1] * mobility[1])};
     for (size_t i = first; i < last; ++i) {
       const Impulse& impulse = w->impulses[i];
       double offset[3];
-      mju_cross(offset, centre, impulse.linear);
+      mju_cross(offset, center, impulse.linear);
       for (int k = 0; k < 6; ++k) {
         mjtNum &rest = pending[6 * i + k], &force = forces[6 * i + k];
         rest += k < 3 ? impulse.linear[k] : impulse.angular[k - 3] - offset[k - 3];

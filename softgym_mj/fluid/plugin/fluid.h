@@ -14,7 +14,7 @@ struct StateLayout {
   int positions;   // (count, 3) [m]
   int velocities;  // (count, 3) [m/s]
   int poses;       // (walls, 7): position and quaternion at the end of the last step.
-  int forces;      // (walls, 6) if two-way: force [N] and torque [N m] about the centre of mass.
+  int forces;      // (walls, 6) if two-way: force [N] and torque [N m] about the center of mass.
   int pending;     // (walls, 6) if two-way: impulse [N s] and its moment, not yet handed over.
   int vertices;    // (vertices, 3) if flexes hold water back: positions at the end of the last step.
   int size;

@@ -12,8 +12,8 @@ namespace softgym_mj {
 
 class KernelShapes {
  public:
-  // Returns the kernels of particles at `centres` (x y z each, finite) [voxels]; `spacing` [voxels].
-  const std::vector<KernelShape>& Find(const std::vector<double>& centres, double spacing);
+  // Returns the kernels of particles at `centers` (x y z each, finite) [voxels]; `spacing` [voxels].
+  const std::vector<KernelShape>& Find(const std::vector<double>& centers, double spacing);
 
  private:
   std::vector<std::pair<unsigned long long, int>> cells_;  // Keys, sorted, with their particles.

@@ -287,7 +287,7 @@ double MaxSpeed(const FluidConfig& config, double timestep) {
   return std::min(config.max_speed, 0.5 * kSupport * config.spacing / h);
 }
 
-void Solver::TouchingInertia(size_t first, size_t last, const double centre[3], double inertia[2]) {
+void Solver::TouchingInertia(size_t first, size_t last, const double center[3], double inertia[2]) {
   touching_.assign(count_ + 1, 0);
   for (size_t w = first; w < last; ++w) {
     kernels_->FindDistance(pairs_[w], p_.position, distance_.get());
@@ -297,7 +297,7 @@ void Solver::TouchingInertia(size_t first, size_t last, const double centre[3], 
       touching_[i] = 1;
       double squared = 0;
       for (int a = 0; a < 3; ++a) {
-        const double r = origin_[a] + p_.position[4 * i + a] - centre[a];
+        const double r = origin_[a] + p_.position[4 * i + a] - center[a];
         squared += r * r;
       }
       inertia[0] += mass_;

@@ -75,9 +75,9 @@ class Solver {
             const std::vector<Pose>& start, const std::vector<Pose>& end, const FlexMotion& flexes, double* positions,
             double* velocities, Impulse* impulses);
 
-  // Mass [kg] and moment about `centre` [kg m^2] of the particles that touch one of the walls
+  // Mass [kg] and moment about `center` [kg m^2] of the particles that touch one of the walls
   // first..last-1 after the last step.
-  void TouchingInertia(size_t first, size_t last, const double centre[3], double inertia[2]);
+  void TouchingInertia(size_t first, size_t last, const double center[3], double inertia[2]);
 
  private:
   void Prepare(const FluidConfig& config, double h, const double* positions);

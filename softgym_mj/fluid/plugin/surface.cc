@@ -48,8 +48,8 @@ SurfaceExtractor::Block& SurfaceExtractor::FindBlock(int x, int y, int z) {
 void SurfaceExtractor::Splat(const KernelShape& kernel) {
   int low[3], high[3];  // Bounds with a margin of one point, so that blocks have all edges that the surface crosses.
   for (int k = 0; k < 3; ++k) {
-    low[k] = static_cast<int>(std::floor(kernel.centre[k] - kernel.reach[k])) - 1;
-    high[k] = static_cast<int>(std::ceil(kernel.centre[k] + kernel.reach[k])) + 1;
+    low[k] = static_cast<int>(std::floor(kernel.center[k] - kernel.reach[k])) - 1;
+    high[k] = static_cast<int>(std::ceil(kernel.center[k] + kernel.reach[k])) + 1;
   }
   float metric[6];
   for (int k = 0; k < 6; ++k) metric[k] = static_cast<float>(k < 3 ? kernel.metric[k] : 2 * kernel.metric[k]);
@@ -62,7 +62,7 @@ void SurfaceExtractor::Splat(const KernelShape& kernel) {
         float* weight = FindBlock(bx, by, bz).weight;
         const int base[3] = {bx * kBlock, by * kBlock, bz * kBlock};
         float offset[3];  // Offset of the block's first point.
-        for (int k = 0; k < 3; ++k) offset[k] = static_cast<float>(base[k] - kernel.centre[k]);
+        for (int k = 0; k < 3; ++k) offset[k] = static_cast<float>(base[k] - kernel.center[k]);
         const int y0 = std::max(low[1] - base[1], 0), y1 = std::min(high[1] - base[1], kBlock - 1);
         const int z0 = std::max(low[2] - base[2], 0), z1 = std::min(high[2] - base[2], kBlock - 1);
         for (int z = z0; z <= z1; ++z) {
@@ -187,7 +187,7 @@ bool SurfaceExtractor::TryVoxel(const double* positions, int count, double spaci
                                 int growths) {
   index_.clear();
   blocks_.clear();
-  centres_.clear();
+  centers_.clear();
   particles_.clear();
   mesh_.vertices.clear();
   mesh_.faces.clear();
@@ -195,10 +195,10 @@ bool SurfaceExtractor::TryVoxel(const double* positions, int count, double spaci
     const double* x = positions + 3 * i;
     const auto has_cell = [&](double a) { return std::fabs(a) < kMostCells * std::min(voxel, spacing); };
     if (!has_cell(x[0]) || !has_cell(x[1]) || !has_cell(x[2])) continue;
-    for (int k = 0; k < 3; ++k) centres_.push_back(x[k] / voxel);
+    for (int k = 0; k < 3; ++k) centers_.push_back(x[k] / voxel);
     particles_.push_back(i);
   }
-  const std::vector<KernelShape>& kernels = kernels_.Find(centres_, spacing / voxel);
+  const std::vector<KernelShape>& kernels = kernels_.Find(centers_, spacing / voxel);
   for (size_t i = 0; i < kernels.size(); ++i) {
     if (IsLeftOut(kernels[i], particles_[i], growths)) continue;
     Splat(kernels[i]);

@@ -55,7 +55,7 @@ class SurfaceExtractor {
   void FindNormals();
 
   KernelShapes kernels_;
-  std::vector<double> centres_;
+  std::vector<double> centers_;
   std::vector<int> particles_;  // Particle of each center.
   std::unordered_map<uint64_t, int> index_;
   std::vector<Block> blocks_;

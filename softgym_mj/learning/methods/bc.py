@@ -1,4 +1,4 @@
-"""Behaviour cloning: a policy does what the expert did in its place, of several seeds at once.
+"""Behavior cloning: a policy does what the expert did in its place, of several seeds at once.
 
 Its loss is the squared error of the mean action. The likelihood of a Gaussian through tanh has no
 bound here: experts are deterministic, and grips and fast moves are at -1 and 1, which tanh never
@@ -63,7 +63,7 @@ class BCSettings:
 
 
 class Clone(nn.Module):
-    """Actions as functions of observations, which are standardised as those of demonstrations.
+    """Actions as functions of observations, which are standardized as those of demonstrations.
 
     Attributes:
         seen: makes of observations what the network takes.

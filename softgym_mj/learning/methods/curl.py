@@ -2,7 +2,7 @@
 
 Features of two crops of one image are to be more alike than those of crops of others. With the
 paper's details (softagent's `curl/curl_sac.py`): what acts sees the middle of images, critics learn
-from the first crop, and the contrastive loss is followed by two optimisers, one of the encoder and
+from the first crop, and the contrastive loss is followed by two optimizers, one of the encoder and
 one of the encoder and the matrix that compares. A crop may begin at any place; the paper's code
 leaves out the last ones.
 """

@@ -93,7 +93,7 @@ class PointSets(nn.Module):
             sources: of random numbers, one a seed.
             where: what is where.
             sizes: of the layers that each point goes through.
-            norm: whether hidden ones are normalised.
+            norm: whether hidden ones are normalized.
         """
         super().__init__()
         self._sets = where.sets

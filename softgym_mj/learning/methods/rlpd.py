@@ -1,6 +1,6 @@
 """Reinforcement learning with prior data (RLPD; Ball et al., 2023, arXiv:2302.02948).
 
-SAC of which half a batch are demonstrations, with an ensemble of normalised critics: targets are
+SAC of which half a batch are demonstrations, with an ensemble of normalized critics: targets are
 the least of a few that are drawn for each update, and the actor follows the mean of all. Details
 are those of the authors' code (github.com/ikostrikov/rlpd, `sac_learner.py`); deviations are
 bounded as in SAC here.

@@ -41,7 +41,7 @@ class SACSettings(OffPolicySettings):
 
     Attributes:
         hidden: sizes of hidden layers, of all networks.
-        norm: whether critics normalise them.
+        norm: whether critics normalize them.
         tau: share of the critics in their targets, at each update of these.
         actor_rate, critic_rate, alpha_rate: of Adam.
         alpha: entropy weight at first.

@@ -22,14 +22,14 @@ Take = Callable[[list[bool]], Iterator[np.ndarray]]
 
 RANKS = (0, 1, 2)  # Of the exposed vertices near the wanted ones, which is taken first.
 ALIKE = 3  # Grid steps up to which two holds are of a kind.
-POOR = 0.4  # Normalised performance up to which it is moved in any case.
+POOR = 0.4  # Normalized performance up to which it is moved in any case.
 
 
 class CrumpledClothExpert(ClothExpert, RehearsingExpert):
     """Lays out a pile, then does it again or moves what lies wrong, as long as that is worth it.
 
     Attributes:
-        redo: normalised performance up to which it may be laid out again.
+        redo: normalized performance up to which it may be laid out again.
         holds: how many holds arms try each time.
     """
 

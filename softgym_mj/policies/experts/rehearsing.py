@@ -15,7 +15,7 @@ from softgym_mj.policies.experts.picker_expert import OPEN, PickerExpert
 
 Plan = Callable[[], Iterator[np.ndarray]]
 
-STEP_PRICE = 0.001  # Normalised performance that an env step costs.
+STEP_PRICE = 0.001  # Normalized performance that an env step costs.
 GAIN = 0.01  # Value for which an object that lies well already is moved again.
 SETTLING = 4  # Env steps in which an object comes to rest after a plan.
 

@@ -23,7 +23,7 @@ ROOM = 0.05  # [m] Least distance of the two pickers.
 SHARES = 0.7, 1.0, 1.4  # The same of arms, where that helps no more.
 GOOD = 0.004  # [m] Error of a vertex that is left alone.
 BEAM = 4  # Plans whose sequels are tried where none helps at once.
-ERROR_PRICE = 23.0  # [1/m] Normalised performance that a mean error of the vertices costs.
+ERROR_PRICE = 23.0  # [1/m] Normalized performance that a mean error of the vertices costs.
 
 
 class RopeConfiguration(RehearsingExpert):

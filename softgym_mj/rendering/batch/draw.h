@@ -124,7 +124,7 @@ inline Point ColorOf(const Canvas& c, const Ray& ray, int x, int y, const Seen& 
   return color;
 }
 
-// The colour of a pixel whose first sample is (x, y): each thing that is seen is lit once.
+// The color of a pixel whose first sample is (x, y): each thing that is seen is lit once.
 inline Point ColorAt(const Canvas& c, const Eye& eye, int x, int y) {
   const int count = c.samples * c.samples;
   const unsigned solids = SolidsIn(c, eye, x, y);

@@ -50,7 +50,7 @@ inline void PlaceRope(const Canvas& c) {
     const Ring& ring = c.rings[at / row];
     const int side = at % row % s.sides;
     c.out[at] = Outwards(ring, circle[2 * side], circle[2 * side + 1]);
-    c.surface[at] = ring.centre + static_cast<double>(s.radius) * ring.scale * c.out[at];
+    c.surface[at] = ring.center + static_cast<double>(s.radius) * ring.scale * c.out[at];
   });
   Each(s.num_vertices, [&](int at) {
     const int i = at / row;

@@ -122,7 +122,7 @@ struct Canvas {
   Vector *surface, *out;
   // Water: particles by buckets; positions in voxels, cells and kernels in this order.
   int *bucket_starts, *bucket_ends, *in_buckets;
-  Vector* centres;
+  Vector* centers;
   unsigned long long* cells;
   KernelShape* kernels;
   // Index of each block, or -1; list of blocks with water, and last their number; weights in these blocks [kUnit];
@@ -195,7 +195,7 @@ inline void TakeCanvas(const Scene& s, long long height, long long width, long l
     memory->Take(&c->bucket_starts, kBuckets + 1);
     memory->Take(&c->bucket_ends, kBuckets);
     memory->Take(&c->in_buckets, s.num_points);
-    memory->Take(&c->centres, s.num_points);
+    memory->Take(&c->centers, s.num_points);
     memory->Take(&c->cells, s.num_points);
     memory->Take(&c->kernels, s.num_points);
     memory->Take(&c->blocks, kBlocks);

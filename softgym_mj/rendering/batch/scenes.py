@@ -43,7 +43,7 @@ def describe(
         model: Model with at most one sheet, rope or water.
         cameras: Camera names as in `camera_ids`.
         movers: Mover index by body; geoms of these bodies move with them.
-        parts: As in `LabelledView`.
+        parts: As in `LabeledView`.
         marks: Whether goal marks are rendered, as panes; for colors only.
 
     Raises:

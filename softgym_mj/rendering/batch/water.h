@@ -68,14 +68,14 @@ inline void FindKernels(const Canvas& c) {
   const int count = c.bucket_starts[kBuckets];
   Each(count, [&](int i) {
     const double* x = c.points + 3 * c.in_buckets[i];
-    const Vector centre = {x[0] / voxel, x[1] / voxel, x[2] / voxel};
-    c.centres[i] = centre;
-    c.cells[i] = CellKey(CellOf(centre.x, side), CellOf(centre.y, side), CellOf(centre.z, side));
+    const Vector center = {x[0] / voxel, x[1] / voxel, x[2] / voxel};
+    c.centers[i] = center;
+    c.cells[i] = CellKey(CellOf(center.x, side), CellOf(center.y, side), CellOf(center.z, side));
   });
   Each(count, [&](int i) {
-    const Vector centre = c.centres[i];
-    const long long at[3] = {CellOf(centre.x, side), CellOf(centre.y, side), CellOf(centre.z, side)};
-    c.kernels[i] = FitKernel(centre, spacing, [&](const auto& f) {
+    const Vector center = c.centers[i];
+    const long long at[3] = {CellOf(center.x, side), CellOf(center.y, side), CellOf(center.z, side)};
+    c.kernels[i] = FitKernel(center, spacing, [&](const auto& f) {
       for (int k = 0; k < 27; ++k) {
         const long long cell[3] = {at[0] + k % 3 - 1, at[1] + k / 3 % 3 - 1, at[2] + k / 9 - 1};
         const unsigned long long key = CellKey(cell[0], cell[1], cell[2]);
@@ -83,7 +83,7 @@ inline void FindKernels(const Canvas& c) {
         for (int n = c.bucket_starts[bucket], found = 0; n < c.bucket_starts[bucket + 1] && found < kMostInCell; ++n) {
           if (c.cells[n] != key) continue;
           ++found;
-          const Vector d = c.centres[n] - centre;
+          const Vector d = c.centers[n] - center;
           const double squared = Dot(d, d);
           if (squared > 0 && squared < side * side) f(d);
         }
@@ -98,8 +98,8 @@ struct Reach {
 
   Reach(const KernelShape& kernel, int around) {
     for (int k = 0; k < 3; ++k) {
-      low[k] = static_cast<int>(floor(kernel.centre[k] - kernel.reach[k])) - around;
-      high[k] = static_cast<int>(ceil(kernel.centre[k] + kernel.reach[k])) + around;
+      low[k] = static_cast<int>(floor(kernel.center[k] - kernel.reach[k])) - around;
+      high[k] = static_cast<int>(ceil(kernel.center[k] + kernel.reach[k])) + around;
     }
   }
 };
@@ -151,17 +151,17 @@ inline void Weigh(const Canvas& c, int growths) {
     const KernelShape& kernel = c.kernels[i];
     if (IsLeftOut(kernel, c.in_buckets[i], growths)) return;
     const Reach reach(kernel, 0);
-    float metric[6], centre[3];
+    float metric[6], center[3];
     for (int k = 0; k < 6; ++k) metric[k] = static_cast<float>(k < 3 ? kernel.metric[k] : 2 * kernel.metric[k]);
-    for (int k = 0; k < 3; ++k) centre[k] = static_cast<float>(kernel.centre[k]);
+    for (int k = 0; k < 3; ++k) center[k] = static_cast<float>(kernel.center[k]);
     const float amplitude = static_cast<float>(kernel.amplitude) / kUnit;
     for (int z = reach.low[2]; z <= reach.high[2]; ++z) {
       for (int y = reach.low[1]; y <= reach.high[1]; ++y) {
-        const float dy = static_cast<float>(y) - centre[1], dz = static_cast<float>(z) - centre[2];
+        const float dy = static_cast<float>(y) - center[1], dz = static_cast<float>(z) - center[2];
         const float rest = 1 - metric[2] * dz * dz - dy * (metric[1] * dy + metric[3] * dz);
         const float slope = metric[4] * dz + metric[5] * dy;
         for (int x = reach.low[0]; x <= reach.high[0]; ++x) {
-          const float dx = static_cast<float>(x) - centre[0], left = rest - dx * (slope + metric[0] * dx);
+          const float dx = static_cast<float>(x) - center[0], left = rest - dx * (slope + metric[0] * dx);
           if (left <= 0) continue;
           const int at = BlockAt(x >> 3, y >> 3, z >> 3), block = at < 0 ? -1 : c.blocks[at];
           if (block < 0) continue;

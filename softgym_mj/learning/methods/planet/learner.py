@@ -36,7 +36,7 @@ class PlaNetSettings:
         batch: stretches of an update, of each seed.
         length: frames of a stretch.
         replay: env steps of each seed that are kept.
-        bits: of each colour of a pixel, of the eight that there are.
+        bits: of each color of a pixel, of the eight that there are.
         noise: deviation of what is added to actions that are learned from.
         evaluation_noise: the same, of those that are evaluated.
         belief, latent, hidden: sizes, the last of hidden layers.
@@ -119,7 +119,7 @@ def losses(
     missed = (model.reward(belief, latent) - step.reward.flatten(1, 2)) ** 2
     divergence = path.posterior.divergence(path.prior).clamp(min=free_nats)
     return {
-        "image_loss": error.sum((-3, -2, -1)).mean(1),  # Over pixels, and colours: summed.
+        "image_loss": error.sum((-3, -2, -1)).mean(1),  # Over pixels, and colors: summed.
         "reward_loss": missed.mean(1),
         "divergence": divergence.mean((1, 2)),
     }

@@ -20,9 +20,9 @@ from softgym_mj.learning.training import Training
 from softgym_mj.storage.files import write_whole
 
 CONTEXT, PREDICTED = 5, 30  # Frames (SoftGym, figure of predictions).
-# Largest minus smallest of a pixel's colours, of 255, from which it shows cloth, rope or water, or
-# the rings of pickers: tables, walls and glasses are grey.
-_COLOURFUL = 38
+# Largest minus smallest of a pixel's colors, of 255, from which it shows cloth, rope or water, or
+# the rings of pickers: tables, walls and glasses are gray.
+_COLORFUL = 38
 _COLUMNS = 5  # The last frame that was seen, and four that were not (SoftGym).
 _DPI, _INCHES = 150, 1.5  # Dots per inch; height and width of a picture.
 
@@ -36,7 +36,7 @@ class Prediction:
     Attributes:
         frames, predicted: images (..., h, w, 3) uint8.
         psnr: peak signal-to-noise ratios (...) [dB].
-        overlap: of what is colourful in both (...): intersection over union, 1 of nothing.
+        overlap: of what is colorful in both (...): intersection over union, 1 of nothing.
     """
 
     frames: np.ndarray
@@ -83,8 +83,8 @@ def psnr(frames: np.ndarray, others: np.ndarray) -> np.ndarray:
 
 
 def overlap(frames: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Intersection over union (...) of what is colourful in images (..., h, w, 3) uint8."""
-    first, second = (np.ptp(each.astype(int), axis=-1) >= _COLOURFUL for each in (frames, others))
+    """Intersection over union (...) of what is colorful in images (..., h, w, 3) uint8."""
+    first, second = (np.ptp(each.astype(int), axis=-1) >= _COLORFUL for each in (frames, others))
     both, either = ((first & second).sum((-2, -1)), (first | second).sum((-2, -1)))
     return np.where(either > 0, both / np.maximum(either, 1), 1.0)
 
@@ -144,14 +144,14 @@ def draw(prediction: Prediction, file: pathlib.Path, seed: int = 0, episode: int
             if row == 0:
                 axes.set_title("last seen" if place == 0 else f"+{place}", fontsize="small")
     left = figure.add_subplot(grid[2, :])
-    for axes, values, colour, name in (
+    for axes, values, color, name in (
         (left, prediction.psnr, "C0", "PSNR [dB]"),
         (left.twinx(), prediction.overlap, "C1", "overlap (IoU)"),
     ):
         low, median, high = np.percentile(values.reshape(-1, steps), (25, 50, 75), axis=0)
-        axes.plot(median, color=colour)
-        axes.fill_between(range(steps), low, high, color=colour, alpha=0.2, linewidth=0)
-        axes.set_ylabel(name, color=colour)
+        axes.plot(median, color=color)
+        axes.fill_between(range(steps), low, high, color=color, alpha=0.2, linewidth=0)
+        axes.set_ylabel(name, color=color)
         axes.spines["top"].set_visible(False)
     left.set_xlabel("env steps after the last frame that was seen")
     content = io.BytesIO()

@@ -1,4 +1,4 @@
-"""Proximal policy optimisation (Schulman et al., 2017), of several seeds at once.
+"""Proximal policy optimization (Schulman et al., 2017), of several seeds at once.
 
 Settings and networks are those of ManiSkill's baseline for a thousand environments
 (`examples/baselines/ppo/ppo.py`), which come from CleanRL. The losses are written here, as

@@ -16,7 +16,7 @@ def advantages(
     discount: float,
     trace: float,
 ) -> Tensor:
-    """Generalised advantage estimates (Schulman et al., 2016) of vector steps (steps, ...).
+    """Generalized advantage estimates (Schulman et al., 2016) of vector steps (steps, ...).
 
     Args:
         reward, value, next_value: of each; the last one of the same episode, at its end too.

@@ -63,7 +63,7 @@ class WorldModelSettings:
 
 
 class NormedMLP(nn.Module):
-    """Layers that are normalised before Mish; the output may be latent states."""
+    """Layers that are normalized before Mish; the output may be latent states."""
 
     def __init__(
         self, sources: Sequence[torch.Generator], sizes: Sequence[int], simplex: int | None = None

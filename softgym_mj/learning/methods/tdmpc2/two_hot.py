@@ -7,7 +7,7 @@ learned alike, by cross entropies.
 import torch
 from torch import Tensor
 
-LOW, HIGH = -10.0, 10.0  # Centres of the outer bins (TD-MPC2): numbers up to 22,025.
+LOW, HIGH = -10.0, 10.0  # Centers of the outer bins (TD-MPC2): numbers up to 22,025.
 
 
 def symlog(x: Tensor) -> Tensor:
@@ -21,7 +21,7 @@ def symexp(x: Tensor) -> Tensor:
 
 
 def two_hot(x: Tensor, bins: int) -> Tensor:
-    """Shares (..., bins) of numbers (...), 0 but for two neighbours; beyond the ends, of these."""
+    """Shares (..., bins) of numbers (...), 0 but for two neighbors; beyond the ends, of these."""
     place = (symlog(x).clamp(LOW, HIGH) - LOW) * ((bins - 1) / (HIGH - LOW))
     away = (place[..., None] - torch.arange(bins, device=x.device)).abs()
     return (1.0 - away).clamp(min=0.0)

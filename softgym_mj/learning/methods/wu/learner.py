@@ -20,7 +20,7 @@ from torch import Tensor, nn
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.sac import SAC, SACSettings
-from softgym_mj.learning.methods.wu.cloth_pixels import cloth_pixels, pixel_centres
+from softgym_mj.learning.methods.wu.cloth_pixels import cloth_pixels, pixel_centers
 from softgym_mj.learning.methods.wu.networks import PICK, Judging, Looking, Placing, seen
 from softgym_mj.learning.networks import Actor, drawn, generators
 from softgym_mj.learning.off_policy import OffPolicy
@@ -93,7 +93,7 @@ class PickAndPlace(SAC):
             size: height and width of images.
             device: where.
         """
-        self._size, self._centres = size, pixel_centres(*size, device)
+        self._size, self._centers = size, pixel_centers(*size, device)
         super().__init__(settings, seeds, 0, _PLACE, device)
 
     def _networks(self, observation: int, action: int) -> tuple[Actor, nn.Module]:
@@ -105,10 +105,10 @@ class PickAndPlace(SAC):
         return actor, Judging(pair)
 
     def draw_pick(self, images: Tensor) -> Tensor:
-        """Centres (seeds, n, 2) of cloth pixels, each with the same chance."""
+        """Centers (seeds, n, 2) of cloth pixels, each with the same chance."""
         mask = _candidates(images)
         rank = _below(mask.sum(-1), drawn(self.sources, mask.shape[1], normal=False))
-        return self._centres[(mask.cumsum(-1) <= rank[..., None]).sum(-1)]
+        return self._centers[(mask.cumsum(-1) <= rank[..., None]).sum(-1)]
 
     def act(self, observation: Tensor, *, explore: bool) -> Tensor:
         """Actions (seeds, n, 5) for images (seeds, n, height, width, 3)."""
@@ -137,7 +137,7 @@ class PickAndPlace(SAC):
         count = mask.sum(-1)
         # Cloth pixels first, as many as the image with the most of them has.
         order = mask.byte().argsort(dim=-1, descending=True, stable=True)[..., : int(count.max())]
-        pick = self._centres[order]  # (seeds, n, pixels, 2).
+        pick = self._centers[order]  # (seeds, n, pixels, 2).
         flat, pixels = pick.flatten(1, 2), order.shape[-1]
         looking = [self.actor.body, *self.critics.pair]
         result, *pair = (own.convolutions(images).repeat_interleave(pixels, 1) for own in looking)
