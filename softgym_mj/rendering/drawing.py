@@ -11,6 +11,7 @@ from softgym_mj.rendering.skins import DRAWN_SKINS, SHOWN_FLEXES
 from softgym_mj.rendering.surfaces import Surface, find_surfaces
 
 MAX_GEOMS = 2000  # Limit of a scene: arms made of meshes have some hundred geoms.
+FAR = 1e6  # Distance at which OpenGL draws something before all other translucent things [m].
 CLEAR = 0.5  # Opacity below which a geom casts no shadow: OpenGL's shadows of glass are black.
 # Geoms of the room, below all others, cast no shadows. Software OpenGL would draw speckles on them
 # because it rounds depths differently in the shadow map and in the image.
@@ -65,7 +66,14 @@ class SceneCamera(engine.Camera):
                 scene.skinvert.reshape(-1, 3), scene.skinnormal.reshape(-1, 3)
             )
         for geom in itertools.islice(scene.geoms, scene.ngeom):
-            is_clear = geom.rgba[3] < CLEAR and geom.type != mujoco.mjtGeom.mjGEOM_SKIN
+            is_skin = geom.type == mujoco.mjtGeom.mjGEOM_SKIN
+            if is_skin:
+                # OpenGL draws only the front of the water, which gets the opacity of front and rear.
+                # MuJoCo draws translucent things by distance, and a skin has that of the world's
+                # origin: at that of the cup it would hide the cup's front wall.
+                geom.rgba[3] = 1.0 - (1.0 - geom.rgba[3]) ** 2
+                geom.pos = scene.camera[0].pos + FAR * scene.camera[0].forward
+            is_clear = geom.rgba[3] < CLEAR and not is_skin
             is_ground = geom.objtype == _GEOM and geom.objid in self._ground
             if is_clear or is_ground:
                 geom.category = mujoco.mjtCatBit.mjCAT_DECOR
