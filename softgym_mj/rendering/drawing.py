@@ -68,9 +68,9 @@ class SceneCamera(engine.Camera):
         for geom in itertools.islice(scene.geoms, scene.ngeom):
             is_skin = geom.type == mujoco.mjtGeom.mjGEOM_SKIN
             if is_skin:
-                # OpenGL draws only the front of the water, which gets the opacity of front and rear.
+                # OpenGL draws only the front of water, which gets the opacity of front and rear.
                 # MuJoCo draws translucent things by distance, and a skin has that of the world's
-                # origin: at that of the cup it would hide the cup's front wall.
+                # origin: where the cup is farther away, its front wall would be hidden.
                 geom.rgba[3] = 1.0 - (1.0 - geom.rgba[3]) ** 2
                 geom.pos = scene.camera[0].pos + FAR * scene.camera[0].forward
             is_clear = geom.rgba[3] < CLEAR and not is_skin

@@ -46,10 +46,6 @@ def _check(seen, alone, is_water):
     for name in ("rgb", "external_rgb"):
         away = np.abs(seen[name].astype(int) - alone[name]).mean()
         assert away < (8.0 if is_water else 3.0), name
-    if is_water:  # Its color is right as well, behind glass.
-        both = masks[0] & masks[1]
-        shift = (seen["rgb"].astype(int) - alone["rgb"])[both].mean(axis=0)
-        assert np.abs(shift).max() < 12.0
 
 
 @pytest.mark.parametrize(
@@ -87,12 +83,13 @@ def test_the_front_of_a_cup_is_drawn_over_water_wherever_the_cup_is():
     envs.reset(options={"variation": [811]})
     env.reset(options={"variation": 811})
     action = np.full(env.action_space.shape, 0.5, np.float32)
-    for _ in range(12):  # Away from the world's origin.
+    for number in range(13):  # Away from the world's origin.
         seen, *_ = envs.step(action[None])
         alone, *_ = env.step(action)
-    is_water = (seen["segmentation"][0] == OBJECT) & (alone["segmentation"] == OBJECT)
-    shift = (seen["rgb"][0].astype(int) - alone["rgb"])[is_water].mean(axis=0)
-    assert np.abs(shift).max() < 12.0
+        if number % 12 == 0:
+            is_water = (seen["segmentation"][0] == OBJECT) & (alone["segmentation"] == OBJECT)
+            shift = (seen["rgb"][0].astype(int) - alone["rgb"])[is_water].mean(axis=0)
+            assert np.abs(shift).max() < 12.0
     envs.close()
     env.close()
 
