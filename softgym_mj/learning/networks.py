@@ -8,6 +8,7 @@ import copy
 import itertools
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -227,3 +228,27 @@ class DeterministicPolicy(nn.Module):
 
     def forward(self, observation: Tensor) -> Tensor:
         return self.actor.mean(observation[None])[0]
+
+
+class StoredInHalf(nn.Module):
+    """A network whose file is half as large: weights are stored as float16, used as float32."""
+
+    def __init__(self, network: nn.Module):
+        """Rounds the weights.
+
+        Args:
+            network: without buffers.
+        """
+        super().__init__()
+        self.network = network.requires_grad_(False)
+        self._names = [name for name, _ in network.named_parameters()]
+        self._halves = nn.ParameterList(
+            nn.Parameter(weight.half(), requires_grad=False) for weight in network.parameters()
+        )
+        for weight in network.parameters():
+            weight.data = weight.data.new_empty(0)  # `forward` replaces it.
+
+    def forward(self, observation: Any) -> Tensor:
+        """Returns what the network returns."""
+        weights = {name: half.float() for name, half in zip(self._names, self._halves, strict=True)}
+        return torch.func.functional_call(self.network, weights, (observation,))

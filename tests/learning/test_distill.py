@@ -187,6 +187,22 @@ def test_a_saved_teacher_labels_batches(teacher):
     )
 
 
+def test_a_policy_acts_as_its_student_with_half_the_bytes():
+    learner = Distill(DistillSettings(), problem(), _teacher)
+    seen = {
+        "rgb": torch.randint(0, 256, (3, 2, SIZE, SIZE, 3), dtype=torch.uint8),
+        "held": torch.rand(3, 2),
+    }
+    expected, policy = learner.students[0](seen), learner.policy(0)
+    # float16 has 11 bits.
+    torch.testing.assert_close(policy(seen), expected, rtol=0, atol=2e-3)
+    sizes = [
+        sum(p.numel() * p.element_size() for p in network.parameters())
+        for network in (policy, learner.students[0])
+    ]
+    assert sizes[0] == sizes[1] / 2
+
+
 def test_bad_settings_are_refused():
     for shapes in ({"held": (2,)}, {"rgb": (20, 20, 3)}):
         with pytest.raises(InvalidArgumentError, match="35 pixels"):

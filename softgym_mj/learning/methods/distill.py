@@ -19,7 +19,7 @@ from softgym_mj.exceptions import InvalidArgumentError, check_count, check_numbe
 from softgym_mj.learning.cuda_graph import CudaGraph
 from softgym_mj.learning.frames import Frames, pictured, stacked
 from softgym_mj.learning.learner import Problem, Step
-from softgym_mj.learning.networks import drawn, generators
+from softgym_mj.learning.networks import StoredInHalf, drawn, generators
 from softgym_mj.storage.files import read_whole
 from softgym_mj.validation import typed
 
@@ -267,8 +267,11 @@ class Distill:
         return torch.autocast("cuda", torch.bfloat16, enabled=is_reduced and on_gpu)
 
     def policy(self, seed: int) -> nn.Module:
-        """Returns the student of the seed at a place, on the CPU."""
-        return copy.deepcopy(self.students[seed]).to("cpu", memory_format=torch.contiguous_format)
+        """Returns the student of the seed at a place, on the CPU, with weights of 16 bits."""
+        student = copy.deepcopy(self.students[seed])
+        policy = StoredInHalf(student.to("cpu", memory_format=torch.contiguous_format))
+        policy.frames = self._settings.frames
+        return policy
 
     def get_state(self) -> dict[str, Any]:
         """Returns all that `set_state` needs to continue with the same numbers."""
