@@ -1,11 +1,11 @@
-"""Errors raised by softgym_mj: one tree, messages that say what would have worked."""
+"""Errors raised by softgym_mj, all subclasses of `SoftGymError`, and checks of arguments."""
 
 import importlib
 import operator
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-_SHOWN = 200  # Characters of a wrong value in a message.
+_SHOWN = 200  # Maximum number of characters of a wrong value in a message.
 _SIGNS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
 
 
@@ -14,10 +14,14 @@ class SoftGymError(Exception):
 
 
 class InvalidArgumentError(SoftGymError, ValueError):
-    """An argument, an action, a file or a function that is none of the valid ones.
+    """Invalid argument, action, file or function.
 
-    Made of a message; or of the argument's name, its value and what is valid: the names that there
-    are, or words.
+    The message names the argument, its value and the valid choices.
+
+    Args:
+        argument: The whole message if it is the only one; otherwise the argument's name.
+        value: Its value.
+        valid: The valid choices: names, or a phrase.
     """
 
     def __init__(
@@ -26,7 +30,7 @@ class InvalidArgumentError(SoftGymError, ValueError):
         value: object = None,
         valid: Iterable[object] = (),
     ):
-        # Pickle makes it anew from all three, Gymnasium's vector environments from its predecessor.
+        # Pickle passes all three; Gymnasium's vector environments pass the error itself.
         if isinstance(argument, InvalidArgumentError):
             argument, value, valid = argument.args
         super().__init__(argument, value, valid if isinstance(valid, str) else tuple(valid))
@@ -45,32 +49,32 @@ class InvalidArgumentError(SoftGymError, ValueError):
 
 
 class UnexpectedArgumentError(SoftGymError, TypeError):
-    """A keyword argument that does not exist.
+    """Keyword argument that does not exist.
 
-    As Python's own error of this kind it is a TypeError and says "unexpected keyword argument":
-    TorchRL looks for that to find out what an environment takes. Gymnasium raises it anew with a
-    message of its own.
+    It is a TypeError with the words "unexpected keyword argument", as Python's own: TorchRL reads
+    them to find out which arguments an environment has. Gymnasium raises it again with a message
+    of its own.
     """
 
 
 class SnapshotError(SoftGymError, ValueError):
-    """A snapshot that does not belong to this environment, or none at all."""
+    """Snapshot of another environment, or an object that is no snapshot."""
 
 
 class LifecycleError(SoftGymError, RuntimeError):
-    """What cannot be done now: without an episode, after `close()`, where nothing drives actors."""
+    """Call at the wrong time: before `reset`, after `close()`, or without anything to control."""
 
 
 class UnavailableError(SoftGymError, ImportError):
-    """What this machine lacks: a package, a library, a model, OpenGL, a free port."""
+    """Requirement that this machine lacks: a package, a library, a model, OpenGL, a free port."""
 
 
 class StoreError(SoftGymError, OSError):
-    """Files that are damaged, of other settings, there already or cannot be written."""
+    """File that is damaged, belongs to other settings, exists already or cannot be written."""
 
 
 class SimulationError(SoftGymError, RuntimeError):
-    """A simulation that does not come to rest, or whose processes end again and again."""
+    """Simulation that diverges or does not come to rest, or whose processes end repeatedly."""
 
 
 def check_name(argument: str, value: object, valid: Iterable[object]) -> None:
@@ -81,7 +85,7 @@ def check_name(argument: str, value: object, valid: Iterable[object]) -> None:
 
 
 def check_count(argument: str, value: object, low: int, high: int | None = None) -> int:
-    """`value` as int; `InvalidArgumentError` unless it is a whole number in low..high."""
+    """Returns `value` as int; `InvalidArgumentError` unless it is an integer in low..high."""
     valid = f"a whole number, {low} or more" if high is None else f"a whole number in {low}..{high}"
     try:
         count = operator.index(value)  # type: ignore[arg-type]
@@ -97,8 +101,8 @@ def check_number(argument: str, value: float, **limits: float) -> None:
 
     Args:
         argument: Name of the argument.
-        value: The number; NaN is within no limits.
-        **limits: `gt`, `ge`, `lt`, `le`, as of `operator`: what the number is compared with.
+        value: The number; NaN violates every limit.
+        **limits: `gt`, `ge`, `lt` or `le` (functions of `operator`) and their bounds.
     """
     if not all(getattr(operator, name)(value, limit) for name, limit in limits.items()):
         valid = " and ".join(f"{_SIGNS[name]} {limit:g}" for name, limit in limits.items())
@@ -106,7 +110,11 @@ def check_number(argument: str, value: float, **limits: float) -> None:
 
 
 def check_image_size(argument: str, value: object, largest: int) -> tuple[int, int]:
-    """`value` as (height, width); `InvalidArgumentError` unless both are in 1..largest [pixels]."""
+    """Returns `value` as (height, width); both must be in 1..largest [pixels].
+
+    Raises:
+        InvalidArgumentError: otherwise.
+    """
     valid = f"(height, width), each in 1..{largest} pixels"
     if not isinstance(value, Sequence) or len(value) != 2:
         raise InvalidArgumentError(argument, value, valid)
@@ -118,7 +126,7 @@ def check_image_size(argument: str, value: object, largest: int) -> tuple[int, i
 
 
 def install_extra(extra: str) -> str:
-    """What to do about the missing packages of an extra of this package."""
+    """Returns the instruction that installs an extra of this package."""
     return f"run `pip install '.[{extra}]'` in a checkout of softgym_mj"
 
 
@@ -126,12 +134,12 @@ def import_extra(module: str, name: str, extra: str) -> Any:
     """Imports a module of an extra.
 
     Args:
-        module: to be imported.
-        name: what people call it.
-        extra: of this package, that brings it.
+        module: Name of the module.
+        name: Name of the package in messages.
+        extra: Extra of this package that installs it.
 
     Raises:
-        UnavailableError: if it is missing; an ImportError, with the command that installs it.
+        UnavailableError: if it is missing; the message has the command that installs it.
     """
     try:
         return importlib.import_module(module)

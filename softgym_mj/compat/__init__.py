@@ -28,11 +28,11 @@ __all__ = [
 ]  # fmt: skip
 
 normalize = NormalizedEnv
-_PPP = ("ClothFlatten", "ClothFold")  # They have another name with "pickerpickplace".
+_PPP = ("ClothFlatten", "ClothFold")  # Environments that also have a "pickerpickplace" name.
 
 
 def _usual(name: str, action_mode: str) -> dict[str, Any]:
-    """The usual keyword arguments of an environment."""
+    """Returns the default keyword arguments of an environment."""
     record, once = RECORDS[name], action_mode == "pickerpickplace"
     render_mode = "fluid" if record.resolve().material == "water" else "cloth"
     return {
@@ -45,7 +45,7 @@ def _usual(name: str, action_mode: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-# Constructors, and their usual keyword arguments, by SoftGym's names.
+# Constructors, and their default keyword arguments, by SoftGym's names.
 SOFTGYM_ENVS = Table({
     **{name: functools.partial(OldEnv, name) for name in MODES_OF},
     **{f"{name}PPP": functools.partial(OldEnv, name) for name in _PPP},

@@ -1,4 +1,4 @@
-"""SoftGym's axes and action modes in ours."""
+"""Conversion of SoftGym's axes and action modes to this package's."""
 
 import contextlib
 from collections.abc import Callable
@@ -13,17 +13,17 @@ from softgym_mj.validation import as_array
 
 
 def to_flex(vectors: np.ndarray) -> np.ndarray:
-    """Vectors (..., 3) in SoftGym's axes: x, y = up, z."""
+    """Converts vectors (..., 3) to SoftGym's axes: x, y = up, z."""
     return np.stack([vectors[..., 0], vectors[..., 2], -vectors[..., 1]], axis=-1)
 
 
 def from_flex(vectors: np.ndarray) -> np.ndarray:
-    """Vectors (..., 3) of SoftGym's axes in ours: X, Y, Z = up."""
+    """Converts vectors (..., 3) from SoftGym's axes to X, Y, Z = up."""
     return np.stack([vectors[..., 0], -vectors[..., 2], vectors[..., 1]], axis=-1)
 
 
 def checked(action: object, space: gymnasium.spaces.Box) -> np.ndarray:
-    """An action (n,) as floats.
+    """Returns an action (n,) as floats.
 
     Raises:
         InvalidArgumentError: for a wrong shape, NaN or other numbers than those of the space.
@@ -50,13 +50,13 @@ def _placed(actor: Any, action: np.ndarray, part: np.ndarray) -> np.ndarray:
 
 
 class ActionMode(NamedTuple):
-    """An action mode.
+    """Action mode of SoftGym.
 
     Attributes:
-        actor: name of the actor.
-        low, high: SoftGym's box, of each picker or of the cup (docs/softgym.md 2.1, 2.5, 3.1, 3.2).
-        ours: gives our action for an actor, SoftGym's, and that as fractions of the box.
-        workspace: of the actor, in our axes [m] (docs/softgym.md 2.2); None for the task's.
+        actor: Name of the actor.
+        low, high: SoftGym's box of each picker or of the cup (docs/softgym.md 2.1, 2.5, 3.1, 3.2).
+        ours: Maps an actor, SoftGym's action, and that as fractions of the box to our action.
+        workspace: Workspace of the actor in our axes [m] (docs/softgym.md 2.2); None: the task's.
     """
 
     actor: str
@@ -83,7 +83,7 @@ ACTION_MODES = {
     ),
 }  # fmt: skip
 _PICKERS = ("picker", "pickerpickplace", "picker_qpg")
-MODES_OF = {  # The usual one first.
+MODES_OF = {  # The default mode first.
     "PassWater": ("direct",), "PourWater": ("rotation_bottom",),
     "PourWaterAmount": ("rotation_bottom",), "RopeFlatten": ("picker",),
     "RopeConfiguration": ("picker",), "ClothFlatten": _PICKERS, "ClothFold": _PICKERS,

@@ -1,4 +1,4 @@
-"""SoftGym's cameras (docs/softgym.md 1.4): ours frame the object, scripts may expect theirs."""
+"""SoftGym's cameras (docs/softgym.md 1.4), which differ from this package's framing."""
 
 from softgym_mj.entities.views import CameraPose
 

@@ -21,8 +21,8 @@ from softgym_mj.rendering.offscreen import CameraView, Video
 from softgym_mj.tasks.rope_configuration import goal_name
 from softgym_mj.variations.indices import NUM_VARIATIONS
 
-TRAIN_SHARE = 0.8  # Of the variations; the others are for evaluation.
-UNLIMITED = 10**9  # Env steps: SoftGym goes on when an episode is done.
+TRAIN_SHARE = 0.8  # Share of the variations for training; the others are for evaluation.
+UNLIMITED = 10**9  # Horizon in env steps: SoftGym continues after an episode is done.
 RECORDS = {r.resolve().softgym_name: r for r in registry.TASKS.values() if not r.is_custom}
 
 
@@ -55,25 +55,28 @@ CONFIGS: dict[str, Callable[[Any], dict[str, Any]]] = {
 
 
 class OldEnv:
-    """An environment with SoftGym's interface. Attributes, besides its keyword arguments:
+    """Environment with SoftGym's interface.
 
-    dm_env: the environment underneath, in this package's own terms.
-    action_space, observation_space: Gymnasium boxes; actions in SoftGym's units.
-    eval_flag: whether resets draw from the evaluation variations; may be set.
-    recording, video_frames: whether a video is being recorded, and its pictures.
+    Keyword arguments are attributes, too.
+
+    Attributes:
+        dm_env: The wrapped environment of this package.
+        action_space, observation_space: Gymnasium boxes; actions are in SoftGym's units.
+        eval_flag: Whether resets draw from the evaluation variations; may be set.
+        recording, video_frames: Whether a video is being recorded, and its images.
     """
 
     def __init__(self, /, name: str, observation_mode: str, action_mode: str, **settings: Any):
         """Builds the environment.
 
         Args:
-            name: one of `MODES_OF`.
-            observation_mode: one of `OBSERVATION_MODES`.
-            action_mode: one of `MODES_OF[name]`.
-            **settings: SoftGym's, as docs/migration.md lists them.
+            name: One of `MODES_OF`.
+            observation_mode: One of `OBSERVATION_MODES`.
+            action_mode: One of `MODES_OF[name]`.
+            **settings: SoftGym's settings; docs/migration.md lists them.
 
         Raises:
-            InvalidArgumentError: for a bad name or value; it names what to use instead.
+            InvalidArgumentError: for a bad name or value; the message names the replacement.
         """
         check_name("name", name, MODES_OF)
         check_name("observation_mode", observation_mode, names.OBSERVATION_MODES)
@@ -98,7 +101,7 @@ class OldEnv:
         self.dm_env.add_extra_hook("after_substep", self._watch)
         self._task: Any = self.dm_env.task
         arena, pose = self._task.root_entity, CAMERAS[record.name]
-        camera = self.dm_env.physics.bind(arena.place("task", pose))  # It is compiled already.
+        camera = self.dm_env.physics.bind(arena.place("task", pose))  # The model is compiled.
         camera.pos, camera.quat, camera.fovy = pose.position, pose.quaternion, pose.field_of_view
         if self._mode.workspace is not None:
             self._task.workspace = self._mode.workspace
@@ -136,7 +139,7 @@ class OldEnv:
         return self.dm_env.step_count
 
     def get_camera_params(self) -> tuple[np.ndarray, np.ndarray]:
-        """Position (3,) [m] and angles (yaw, pitch, 0) [rad] of a camera (docs/softgym.md 1.4)."""
+        """Returns position (3,) [m] and angles (yaw, pitch, 0) [rad] of the camera."""
         model, data = self.dm_env.physics.model.ptr, self.dm_env.physics.data.ptr
         camera = model.camera("task").id
         right, _, back = to_flex(data.cam_xmat[camera].reshape(3, 3).T)
@@ -145,7 +148,7 @@ class OldEnv:
         return to_flex(data.cam_xpos[camera]), angles
 
     def get_current_config(self) -> Table:
-        """The numbers of the current variation by SoftGym's keys, as far as they mean something."""
+        """Returns the parameters of the current variation by SoftGym's keys."""
         pos, angle = self.get_camera_params()
         camera = {"width": self.camera_width, "height": self.camera_height}
         return Table(
@@ -158,7 +161,7 @@ class OldEnv:
         """Seeds the draw of variations and of `action_space`.
 
         Raises:
-            InvalidArgumentError: unless the seed is a whole number, 0 or more, or None.
+            InvalidArgumentError: unless the seed is a non-negative integer or None.
         """
         if seed is not None:
             check_count("seed", seed, 0)
@@ -168,10 +171,10 @@ class OldEnv:
     def reset(
         self, config: None = None, initial_state: None = None, config_id: int | None = None
     ) -> np.ndarray:
-        """Starts an episode with a variation, or a drawn one; returns the observation (n,).
+        """Starts an episode with a given or random variation; returns the observation (n,).
 
         Raises:
-            InvalidArgumentError: for an index that is not in use, or a config or state.
+            InvalidArgumentError: for an invalid index, or an argument `config` or state.
         """
         for name, value in (("config", config), ("initial_state", initial_state)):
             if value is not None:
@@ -196,15 +199,15 @@ class OldEnv:
         """Applies an action (n,); returns observation (m,), reward, done and info.
 
         Args:
-            action: one of `action_space`; others are clipped to it, with a warning the first time.
-            record_continuous_video: whether info gets "flex_env_recorded_frames", a picture of
-                every second sim step.
-            img_size: sides of these [pixels]; None for the camera's.
+            action: Action of `action_space`; others are clipped, with a warning the first time.
+            record_continuous_video: Whether info has "flex_env_recorded_frames", an image of every
+                second sim step.
+            img_size: Side of these images [pixels]; None for the camera's.
 
         Raises:
             InvalidArgumentError: for a wrong shape, NaN or infinity.
             LifecycleError: before the first reset, and after a step in which the simulation
-                diverged: that step returns done.
+                diverged; that step returns done.
         """
         if self.dm_env.started is None:
             raise LifecycleError("no episode has started: call reset() first")
@@ -226,7 +229,7 @@ class OldEnv:
         return self._convert(timestep.observation), float(timestep.reward), done, info
 
     def _watch(self, physics: Any, random_state: np.random.RandomState) -> None:
-        """Takes pictures after a sim step: one physics step in all tasks of the package."""
+        """Renders images after sim steps, which are one physics step in all tasks."""
         self._sim_steps += 1
         if self._frames is not None and self._sim_steps % 2:
             self._frames.append(self.get_image(*self._frame_size))
@@ -242,29 +245,29 @@ class OldEnv:
         return info | {key: k * info[own] for key, (own, k) in theirs if own in info}
 
     def compute_reward(self, *args: object, **kwargs: object) -> float:
-        """Reward of the current state; SoftGym's arguments mean nothing there, either."""
+        """Returns the reward of the current state; arguments are ignored, as in SoftGym."""
         return self._task.last_evaluation.reward
 
     def get_image(self, width: int = 720, height: int = 720) -> np.ndarray:
-        """The camera's image (height, width, 3) uint8, as observed: of marks with the red line."""
+        """Returns the camera's image (height, width, 3) uint8, as in observations."""
         new = CameraView("task", height, width, marks=self._task.goal_marks)
         view = self._views.setdefault((width, height), new)
         return view.rgb(self.dm_env.physics)
 
     def render(self, mode: str = "rgb_array") -> np.ndarray:
-        """The camera's image (camera_height, camera_width, 3) uint8."""
+        """Returns the camera's image (camera_height, camera_width, 3) uint8."""
         check_name("mode", mode, ("rgb_array",))
         return self.get_image(self.camera_width, self.camera_height)
 
     def start_record(self) -> None:
-        """Starts a video: pictures of resets and env steps, or of sim steps of pick and place."""
+        """Starts a video of resets and env steps, or of sim steps for pick and place."""
         self.video_frames, self.recording = [], True
 
     def end_record(self, video_path: str | pathlib.Path | None = None, fps: float = 20) -> None:
-        """Ends the video and writes it as mp4, whatever the ending of the path.
+        """Ends the video and writes it as mp4; the suffix of the path is replaced.
 
         Raises:
-            LifecycleError: if none has been started.
+            LifecycleError: if no video has been started.
         """
         if not self.recording:
             raise LifecycleError("no video has been started: call start_record() first")
@@ -274,7 +277,7 @@ class OldEnv:
             Video(np.array(self.video_frames), fps).write(file)
 
     def get_state(self) -> Snapshot:
-        """A snapshot, exact: SoftGym's forgets what is held."""
+        """Returns an exact snapshot; SoftGym's omits held particles."""
         return self.dm_env.get_state()
 
     def set_state(self, state: Snapshot) -> None:
@@ -286,11 +289,11 @@ class OldEnv:
         self.dm_env.close()
 
     def _convert(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
-        """An observation with y up; several images are channels of one."""
+        """Converts an observation to axes with y up; several images become channels of one."""
         value = np.concatenate([*observation.values()], axis=-1)
         if value.dtype == np.uint8:
             return value
-        count = len(value)  # Of what is positions.
+        count = len(value)  # Number of entries that are positions.
         if self._task.material == "water":
             count = 3 * self._task.max_points if "full" in observation else 0
         turned = to_flex(value[:count].reshape(-1, 3)).ravel()

@@ -13,13 +13,13 @@ from softgym_mj.validation import typed
 def save_numpy_as_gif(
     array: np.ndarray, filename: str | pathlib.Path, fps: float = 20, scale: float = 1.0
 ) -> None:
-    """Writes images as a GIF that repeats forever; returns nothing, where SoftGym's has a clip.
+    """Writes images as a looping GIF; unlike SoftGym's, it returns nothing.
 
     Args:
-        array: images (n, height, width, 3) or (n, height, width), 0 to 255.
-        filename: of the file, whose ending becomes ".gif".
-        fps: images in a second; players round the time of one to 10 ms.
-        scale: factor of height and width.
+        array: Images (n, height, width, 3) or (n, height, width), 0 to 255.
+        filename: Path of the file; its suffix becomes ".gif".
+        fps: Images per second; GIF rounds the time of an image to 10 ms.
+        scale: Factor of height and width.
 
     Raises:
         InvalidArgumentError: for another shape, no image, or a number that is not positive.

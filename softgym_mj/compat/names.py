@@ -1,11 +1,11 @@
-"""What of SoftGym has another name here, or only one value."""
+"""Names of SoftGym that are replaced here, and settings that have a single value."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 from softgym_mj.exceptions import InvalidArgumentError, SoftGymError
 
-# Names of SoftGym's by what to use instead; for others of an environment it is `dm_env.task`.
+# Replacements by SoftGym's names; for other attributes of an environment it is `dm_env.task`.
 _USES = {
     "reset(config_id=i); for other sizes a task of your own": "config config_variations "
     "config_variations initial_state get_default_config get_config set_scene "
@@ -53,21 +53,21 @@ _USES = {
 }
 REPLACED = {name: use for use, names in _USES.items() for name in names.split()}
 OTHER_ACTION_MODES = ("sphere", "sawyer", "franka", "rotation_top")
-DEFAULTS = {  # Keyword arguments; None for what is usual for the task.
+DEFAULTS = {  # Keyword arguments; None is the task's default.
     "num_picker": 2, "horizon": None, "action_repeat": None, "num_variations": 1,
     "camera_width": 720, "camera_height": 720, "deterministic": True,
 }  # fmt: skip
-FIXED = {  # Those that have one value here.
+FIXED = {  # Keyword arguments that have a single value here.
     "camera_name": "default_camera", "config": None, "particle_radius": 0.00625,
     "picker_threshold": 0.005, "reward_type": "bigraph",
 }  # fmt: skip
-# Those without meaning here: rendering is off-screen, states are made when needed. The last two are
-# SoftAgent's, which SoftGym takes and ignores, too.
+# Keyword arguments without effect: rendering is off-screen, states are generated when needed. The
+# last two are SoftAgent's; SoftGym ignores them, too.
 IGNORED = (
     "render", "headless", "render_mode", "use_cached_states", "save_cached_states",
     "cached_states_path", "device_id", "delta_reward", "env_name",
 )  # fmt: skip
-INFO = {  # Ours by SoftGym's keys, and a factor.
+INFO = {  # Info keys by SoftGym's keys, and a factor.
     "out_water": ("spilled", 1.0), "target": ("share", 1.0), "total_steps": ("sim_steps", 1),
     "neg_group_dist": ("pair_distance", -1.0), "neg_fixation_dist": ("displacement", -1.0),
 }  # fmt: skip
@@ -75,26 +75,26 @@ OBSERVATION_MODES = {"key_point": "reduced", "point_cloud": "full", "cam_rgb": "
 
 
 class ReplacedError(SoftGymError, AttributeError):
-    """A name of SoftGym's that this package has something else for; the message says what."""
+    """Name of SoftGym that this package replaces; the message names the replacement."""
 
     def __str__(self) -> str:
         return "SoftGym's {!r} is not here; use {}.".format(*self.args)
 
 
 class Table(dict[str, Any]):
-    """A dict by SoftGym's names; of those that it lacks it says what to use instead."""
+    """Dict by SoftGym's names; errors for missing names name the replacement."""
 
     def __missing__(self, key: str) -> Any:
         raise ReplacedError(key, REPLACED.get(key, f"one of {', '.join(self)}"))
 
 
 def check_settings(given: Mapping[str, Any], own: Iterable[str], fixed: Mapping[str, Any]) -> None:
-    """Raises `InvalidArgumentError` for arguments that there are not, or cannot be had otherwise.
+    """Raises `InvalidArgumentError` for unknown arguments and unsupported values.
 
     Args:
-        given: values by name.
-        own: names of which all values are fine.
-        fixed: the only value by name.
+        given: Values by name.
+        own: Names that accept all values.
+        fixed: The only supported value by name.
     """
     for key, value in given.items():
         if key not in (*own, *fixed):

@@ -1,4 +1,4 @@
-"""The paper's evaluation: normalized performance at the last step of evaluation variations."""
+"""Evaluation as in the paper: normalized performance at the last step of evaluation variations."""
 
 from softgym_mj.evaluation.configuration import (
     POLICIES,

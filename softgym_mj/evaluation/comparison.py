@@ -1,4 +1,4 @@
-"""Results beside each other: their names, tables of them."""
+"""Comparison of results: labels and tables."""
 
 import csv
 import io
@@ -18,13 +18,13 @@ _NEEDED = ("protocol", "task", "policy", "variations", "seeds", "settings", "pla
 
 
 def read_results(files: Sequence[pathlib.Path]) -> list[dict]:
-    """Results of evaluations; the same one twice counts once.
+    """Reads results of evaluations; duplicates are dropped.
 
-    Their summaries are those of `statistics`, whatever version wrote them.
+    Summaries are computed anew by `statistics`.
 
     Raises:
-        StoreError: for what is no result, lacks episodes of it, or is of another protocol version;
-            for none at all.
+        StoreError: for a file that is no result, is incomplete or has another protocol version;
+            for no file at all.
     """
     if not files:
         raise StoreError("there are no results to plot; name the result.json of evaluations")
@@ -57,15 +57,15 @@ def _read_result(file: pathlib.Path) -> dict:
 
 
 def labels(results: Sequence[Mapping]) -> list[str]:
-    """A name for each result: its policy, and what tells it from others of the same policy.
+    """Returns a label for each result: its policy and the settings that differ from others.
 
     Raises:
-        StoreError: if nothing does.
+        StoreError: if two results do not differ.
     """
     names = []
     details = [_details(result) for result in results]
     for result, own in zip(results, details, strict=True):
-        # Horizons differ from task to task; what counts is whether they do within one.
+        # Only differences within a task count: horizons differ between tasks.
         rivals = [
             theirs
             for other, theirs in zip(results, details, strict=True)
@@ -88,7 +88,7 @@ def labels(results: Sequence[Mapping]) -> list[str]:
 
 
 def _details(result: Mapping[str, Any]) -> dict[tuple[str, str], str]:
-    """What can tell a result from others, by part of the result and name."""
+    """Returns the settings that labels may show, by part of the result and name."""
     parts = {
         "settings": result["settings"],
         "planning": result["planning"] or {},
@@ -100,7 +100,7 @@ def _details(result: Mapping[str, Any]) -> dict[tuple[str, str], str]:
 
 
 def rows(results: Sequence[Mapping]) -> list[dict[str, Any]]:
-    """A table with a row for each result: task, label, numbers, what they are of."""
+    """Returns a table with a row for each result: task, label, numbers and their basis."""
     return [
         {
             "task": result["task"],
@@ -126,7 +126,7 @@ def write_csv(results: Sequence[Mapping], file: pathlib.Path) -> None:
 
 
 def markdown(results: Sequence[Mapping]) -> str:
-    """A table of tasks and policies: mean, and least score of an episode."""
+    """Returns a Markdown table of tasks and policies: mean and minimum score."""
     names = labels(results)
     groups = list(dict.fromkeys(names))
     scores = {(r["task"], name): r["summary"] for r, name in zip(results, names, strict=True)}

@@ -1,4 +1,4 @@
-"""What is evaluated: task, policy, variations, seeds, settings."""
+"""Configuration of an evaluation: task, policy, variations, seeds, settings."""
 
 import dataclasses
 import importlib.metadata
@@ -19,7 +19,7 @@ from softgym_mj.policies.saved import SEED, is_saved, sha256
 from softgym_mj.validation import typed
 from softgym_mj.variations.indices import check_settings, check_variation, split_indices
 
-# Counts up when scores of the same episode would differ: results of two versions are not mixed.
+# Increases when scores of the same episode change; results of different versions are not mixed.
 PROTOCOL = 1
 POLICIES = (*SIMPLE, *PLANNERS)
 
@@ -27,13 +27,13 @@ POLICIES = (*SIMPLE, *PLANNERS)
 @typed
 @dataclasses.dataclass(frozen=True)
 class Planning:
-    """How a planner looks for actions: see `policies.planners`.
+    """Settings of a planner of `policies.planners`.
 
     Attributes:
-        horizon: env steps that a plan looks ahead; None for the task's.
-        budget: env steps for a decision.
-        iterations: how often the samples' distribution is fitted.
-        replan_every: env steps for which a plan is executed.
+        horizon: Planning horizon in env steps; None for the task's.
+        budget: Simulated env steps per decision.
+        iterations: Number of times that the distribution of samples is fitted.
+        replan_every: Env steps between two plans.
     """
 
     horizon: int | None = None
@@ -42,7 +42,7 @@ class Planning:
     replan_every: int = 1
 
     def planner(self, name: str, task: str) -> CEM:
-        """A planner, one of `PLANNERS`, for a task."""
+        """Returns a planner, one of `PLANNERS`, for a task."""
         limits = {"budget": self.budget, "iterations": self.iterations}
         return make_planner(name, task, self.horizon, **limits)
 
@@ -50,17 +50,16 @@ class Planning:
 @typed
 @dataclasses.dataclass(frozen=True)
 class Configuration:
-    """What is evaluated.
+    """Configuration of an evaluation.
 
     Attributes:
-        task: task name, as in `registry.find`.
-        policy: one of `POLICIES`, or a saved one, see `policies.factory`.
-        variations: indices.
-        seeds: of the policy; one, unless it depends on a seed.
-        settings: keyword arguments of the task that JSON can hold, such as actor and fidelity;
-            policies see its `observation`; if it has none, the one that a policy's file names, or
-            "reduced".
-        planning: of a planner; None for other policies.
+        task: Task name, as in `registry.find`.
+        policy: One of `POLICIES`, or a file or function, as in `policies.factory.make_policy`.
+        variations: Indices of the variations.
+        seeds: Seeds of the policy; one, unless the policy depends on a seed.
+        settings: Keyword arguments of the task that JSON can hold, such as actor and fidelity. The
+            default of `observation` is that of the policy's file, otherwise "reduced".
+        planning: Settings of a planner; None for other policies.
     """
 
     task: str
@@ -97,7 +96,7 @@ class Configuration:
             raise StoreError(f"planning is for {', '.join(PLANNERS)}, not for {self.policy!r}")
 
     def _observe(self) -> None:
-        """Sets the observation that the policies' files name."""
+        """Sets the observation to that of the policies' files."""
         for seed in self.seeds:
             for name, value in observes(self.policy.replace(SEED, str(seed))).items():
                 if (given := self.settings.get(name, value)) != value:
@@ -107,14 +106,14 @@ class Configuration:
 
     @property
     def episodes(self) -> list[tuple[int, int]]:
-        """(variation, seed) of every episode."""
+        """Pairs (variation, seed) of all episodes."""
         return [(variation, seed) for seed in self.seeds for variation in self.variations]
 
     def as_json(self) -> dict[str, Any]:
-        """Everything that the scores depend on; what is in the files of the policy by SHA-256.
+        """Returns all that the scores depend on, with the SHA-256 of the policy's files.
 
         Raises:
-            StoreError: for a file of the policy that cannot be read.
+            StoreError: if a file of the policy cannot be read.
         """
         hashes: dict[str, str] = {}
         if is_saved(self.policy):
@@ -127,7 +126,7 @@ class Configuration:
             "policy_sha256": hashes,
             "variations": list(self.variations),
             "seeds": list(self.seeds),
-            "settings": json.loads(json.dumps(dict(self.settings))),  # Tuples are lists there.
+            "settings": json.loads(json.dumps(dict(self.settings))),  # JSON has no tuples.
             "planning": None if self.planning is None else dataclasses.asdict(self.planning),
             "versions": {
                 "softgym_mj": importlib.metadata.version("softgym_mj"),
@@ -139,7 +138,7 @@ class Configuration:
 
 
 def evaluation_variations(number: int, split: str = "evaluate") -> tuple[int, ...]:
-    """The first `number` variations of a split: "evaluate", or "train" or "all"."""
+    """Returns the first `number` variations of a split: "evaluate", or "train" or "all"."""
     indices = split_indices(split)
     check_count("number of variations", number, 1, len(indices))
     return tuple(indices[:number])

@@ -1,4 +1,4 @@
-"""The folder of an evaluation: its episodes, and what may grow from command to command."""
+"""Folder of an evaluation: its episodes and provenance."""
 
 import pathlib
 from collections.abc import Mapping
@@ -9,25 +9,24 @@ from softgym_mj.exceptions import StoreError
 from softgym_mj.storage.files import read_json, write_json
 from softgym_mj.storage.store import JSON, Store
 
-_GROWS = ("variations", "seeds", "policy_sha256")  # A seed may bring the file of a policy.
+# Entries of a configuration that may grow: a new seed may have a policy file of its own.
+_GROWS = ("variations", "seeds", "policy_sha256")
 
 
 def open_folder(
     path: pathlib.Path, configuration: Mapping[str, Any]
 ) -> tuple[Store, list[dict[str, Any]]]:
-    """Makes a folder one of this configuration.
+    """Opens or creates the folder of a configuration.
 
     Args:
-        path: of the folder; new, without an episode, or of the same configuration but for
-            variations and seeds.
-        configuration: as `Configuration.as_json` returns it.
+        path: New folder, or one of the same configuration except for variations and seeds.
+        configuration: Value of `Configuration.as_json`.
 
     Returns:
-        The store of its episodes by (variation, seed), and the machines that evaluated in it, with
-        this one.
+        The store of episodes by (variation, seed), and all machines that wrote to it.
 
     Raises:
-        StoreError: if it holds episodes of another configuration, or a damaged file.
+        StoreError: if the folder has episodes of another configuration or a damaged file.
     """
     fixed = {name: value for name, value in configuration.items() if name not in _GROWS}
     store = Store(path / "episodes", fixed, JSON)

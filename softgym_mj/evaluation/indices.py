@@ -10,10 +10,10 @@ _PART = re.compile(r"(\d{1,20})(?:-(\d{1,20}))?")
 
 
 def parsed(argument: str, text: str) -> tuple[int, ...]:
-    """The indices of variations that a text names, in its order; a range includes its end.
+    """Parses indices of variations, such as "800,803,810-819"; a range includes its end.
 
     Raises:
-        InvalidArgumentError: naming `argument`, for another text, or an index above 999.
+        InvalidArgumentError: naming `argument`, for invalid text or an index above 999.
     """
     result: list[int] = []
     for part in text.split(","):
@@ -28,7 +28,7 @@ def parsed(argument: str, text: str) -> tuple[int, ...]:
 
 
 def as_text(indices: Iterable[int]) -> str:
-    """The text of indices, in ascending order."""
+    """Formats indices in ascending order, such as "800,803,810-819"."""
     ranges: list[list[int]] = []
     for index in sorted(indices):
         if ranges and index == ranges[-1][-1] + 1:

@@ -1,4 +1,4 @@
-"""Figures: pictures beside each other; of results, bars of policies and curves over a setting."""
+"""Figures of images and of results (bars by policy, curves over a planner's setting)."""
 
 import io
 import pathlib
@@ -13,7 +13,7 @@ from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_name, 
 from softgym_mj.storage.files import write_whole
 
 AXES = ("horizon", "budget", "replan_every")
-_LOWEST = -0.5  # Of the axis: worse policies would squeeze the others.
+_LOWEST = -0.5  # Lower end of the axis; worse policies would compress the others.
 _PICTURE, _TITLE = 2.4, 0.3  # Heights of a picture of `show` and of its title [inches].
 _BAR, _INCHES, _DPI = 0.8, 1.9, 150  # Width of a group of bars; inches of a task; dots per inch.
 
@@ -25,14 +25,14 @@ def show(
     columns: int | None = None,
     height: float = _PICTURE,
 ) -> None:
-    """Shows pictures beside each other, as a figure of pyplot: in a notebook, below the cell.
+    """Shows images in a grid, as a figure of pyplot (in a notebook, below the cell).
 
     Args:
-        pictures: images (h, w, 3) uint8, or (h, w) of numbers, which are drawn as colors from
-            their least (dark) to their largest (light); NaN stays white.
-        titles: one for each.
-        columns: pictures in a row; None for all of them.
-        height: of a picture [inches].
+        pictures: Images (h, w, 3) uint8, or arrays (h, w) of numbers, drawn in colors from their
+            minimum (dark) to their maximum (light); NaN is white.
+        titles: One title for each image.
+        columns: Images in a row; None for all.
+        height: Height of an image [inches].
 
     Raises:
         InvalidArgumentError: unless there are as many titles as pictures, and at least one.
@@ -75,7 +75,7 @@ def bars(results: Sequence[Mapping], file: pathlib.Path) -> None:
         whiskers = np.abs(numbers[:, 1:].T - numbers[:, 0])
         axes.bar(places, numbers[:, 0], width, yerr=whiskers, label=group, capsize=2)
         for place, median in zip(places, numbers[:, 0], strict=True):
-            if median < _LOWEST:  # The bar leaves the picture: its value stands at its end.
+            if median < _LOWEST:  # The bar leaves the axes, so its value is written at its end.
                 axes.text(place, _LOWEST, f"{median:.1f}", ha="center", va="bottom", rotation=90)
     axes.set_ylim(bottom=max(axes.get_ylim()[0], _LOWEST))
     axes.set_xticks(range(len(tasks)), [task.replace("_", "\n") for task in tasks])
@@ -115,19 +115,19 @@ def curves(results: Sequence[Mapping], axis: str, file: pathlib.Path) -> None:
 
 
 def _quartiles(result: Mapping) -> tuple[float, float, float]:
-    """Median, low and high quartile."""
+    """Returns median, low and high quartile."""
     summary = result["summary"]
     return summary["median"], summary["percentile_25"], summary["percentile_75"]
 
 
 def _score(results: Sequence[Mapping]) -> str:
-    """What the axis shows."""
+    """Returns the label of the score axis."""
     over = sorted({quartiles_over(result["episodes"]) for result in results})
     return f"normalized performance\n(median, quartiles over {' or '.join(over)})"
 
 
 def new_figure(width: float, height: float) -> Any:
-    """A figure of Matplotlib [inches] to be saved: it needs no display and leaves pyplot alone.
+    """Returns a Matplotlib figure [inches] without pyplot, which needs no display.
 
     Raises:
         UnavailableError: without Matplotlib.

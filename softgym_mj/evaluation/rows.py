@@ -1,4 +1,4 @@
-"""Episodes of policies that look at observations alone, side by side on a device."""
+"""Batched episodes, on a device, of policies that read only observations."""
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
@@ -20,13 +20,13 @@ from softgym_mj.vector.batch.backend import BatchBackend
 from softgym_mj.vector.make import make_device
 from softgym_mj.vector.playing import play_each, to_host
 
-MOST = 1056  # Episodes at once: more cost memory, and what is done is kept less often.
+MOST = 1056  # Episodes per batch; larger batches need more memory and are stored less often.
 
 
 def check_policy(policy: str, device: str) -> None:
-    """Raises `InvalidArgumentError` for a policy that looks at more than observations."""
+    """Raises `InvalidArgumentError` for a policy that reads more than observations."""
     if policy not in ("random", "zero") and not policy.endswith(SUFFIX):
-        valid = f"'cpu' for {policy!r}: it looks at one simulation"
+        valid = f"'cpu' for {policy!r}, which reads the simulation"
         raise InvalidArgumentError("device", device, valid)
 
 
@@ -39,14 +39,14 @@ def play_rows(
     calls: Sequence[tuple[int, int]],
     on_step: Callable[[int], None] = lambda step: None,
 ) -> list[dict]:
-    """Plays episodes; returns the scores of each, as `running.play_episode`.
+    """Plays episodes in a batch; returns the scores of each, as `running.play_episode` does.
 
     Args:
-        task, settings: task name and keyword arguments of it.
-        policy, trust: as in `make_policy`.
-        device: of `make_vec`, but not "cpu".
-        calls: variation and seed of each.
-        on_step: called before each env step with the number of those before.
+        task, settings: Task name and its keyword arguments.
+        policy, trust: Arguments of `make_policy`.
+        device: Device of `make_vec`, but not "cpu".
+        calls: Variation and seed of each episode.
+        on_step: Called before each env step with the number of env steps so far.
 
     Raises:
         SimulationError: if an episode diverges.
@@ -58,7 +58,7 @@ def play_rows(
     actor = example.dm_env.task.actor
     policies = []
     for variation, seed in calls:
-        # All that these policies know of an environment.
+        # The part of an environment that these policies read.
         known: Any = SimpleNamespace(task=SimpleNamespace(actor=actor, variation=variation))
         policies.append(make_policy(policy, known, seed, trust=trust))
 
@@ -93,6 +93,6 @@ def play_rows(
 
 
 def _rows(seen: Any, space: spaces.Space) -> dict[str, np.ndarray]:
-    """Observations by name, as arrays of NumPy."""
+    """Returns observations by name, as arrays of NumPy."""
     named = seen if isinstance(space, spaces.Dict) else {"observation": seen}
     return {name: to_host(array) for name, array in named.items()}

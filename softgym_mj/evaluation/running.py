@@ -1,4 +1,4 @@
-"""Runs an evaluation, which can be killed and run again: its result is the same, byte for byte.
+"""Runs an evaluation; an interrupted one continues and gives the same result, byte for byte.
 
 Every episode is a pure function of the configuration, its variation and its seed.
 """
@@ -35,7 +35,7 @@ from softgym_mj.storage.store import Store
 from softgym_mj.vector.batch.rollouts import DeviceRollouts
 from softgym_mj.vector.make import DEVICES
 
-MOST_ENVS = 4096  # Of the samples of episodes that are played together: more cost memory.
+MOST_ENVS = 4096  # Samples that are simulated together; more need more memory.
 
 
 @dataclasses.dataclass
@@ -62,30 +62,29 @@ def evaluate(
     trust: bool = False,
     device: str = "cpu",
 ) -> dict:
-    """Plays all episodes that `folder` does not hold yet, and writes `folder`/result.json.
+    """Plays all episodes that `folder` lacks, and writes `folder`/result.json.
 
-    Planners share out their samples to the workers, other policies their episodes. On a device
-    planners play many episodes together, the samples of all at once; which are left changes none.
+    Workers share episodes, or a planner's samples. On a device, planners play many episodes
+    together; the results do not depend on which.
 
     Args:
-        configuration: what is evaluated.
-        folder: of this evaluation alone, or of one with other variations and seeds. It knows tasks
-            by name: a custom task that has changed since needs another folder. A policy whose
-            file has changed is refused.
-        executor: where it is simulated; None for this process.
-        progress: told of episodes and decisions.
-        trust: whether the file of a policy may be loaded, as in `make_policy`.
-        device: where episodes, or a planner's samples, are simulated: "cpu" by the executor's
-            workers; "cuda" or "host" all at once, of policies that see observations alone.
+        configuration: Configuration of the evaluation.
+        folder: New folder, or that of an evaluation that differs only in variations and seeds. It
+            identifies tasks by name: a custom task that has changed needs another folder.
+        executor: Executor of the simulations; None for this process.
+        progress: Callbacks for episodes, decisions and env steps.
+        trust: Whether the file of a policy may be loaded, as in `make_policy`.
+        device: "cpu" simulates on the executor's workers, "cuda" and "host" in one batch (planners,
+            and policies that read only observations).
 
     Returns:
-        The content of the result: configuration, machines on which it was evaluated, `summary`,
-        `secondary_metrics` and `methods` of its `statistics`, episodes.
+        The content of result.json: configuration, machines, `summary`, `secondary_metrics` and
+        `methods` of `statistics`, and the episodes.
 
     Raises:
-        StoreError: if the folder belongs to another configuration or holds a damaged file.
-        InvalidArgumentError: for a saved policy that is none; for a device that a policy does not
-            use, or does not know all that is to be simulated.
+        StoreError: if the folder has another configuration, policy file or a damaged file.
+        InvalidArgumentError: for an invalid policy, or a device that does not support the policy
+            or the task.
     """
     check_name("device", device, DEVICES)
     if device != "cpu" and configuration.policy not in PLANNERS:
@@ -100,7 +99,7 @@ def evaluate(
         progress.on_episode(episode)
 
     play: Callable
-    if configuration.policy in PLANNERS:  # They use the executor, for samples.
+    if configuration.policy in PLANNERS:  # They use the executor for samples.
         play, executor = _planned(configuration, store, executor, progress, device)
     elif device != "cpu":
         task, settings = configuration.task, configuration.settings
@@ -134,7 +133,7 @@ def _planned(
     progress: Progress,
     device: str,
 ) -> tuple[Callable[[Sequence[tuple[int, int]]], list[dict]], Executor]:
-    """What plays episodes of a policy that plans, by variation and seed, and how many together."""
+    """Returns a function that plays episodes of a planner, and an executor of its batch size."""
     planning = configuration.planning
     assert planning is not None
     planner = planning.planner(configuration.policy, configuration.task)
@@ -147,7 +146,7 @@ def _planned(
             configuration.task, configuration.settings, device, configuration.variations
         )
         most = max(1, MOST_ENVS // planner.population)
-    # Not `kept_environment`: in this process the samples are played in that one.
+    # Samples in this process use `kept_environment`, so episodes need environments of their own.
     settings = {"observation": "reduced", **configuration.settings}
     envs: list[Environment] = []
 
@@ -162,7 +161,7 @@ def _planned(
             on_decision=progress.on_decision,
         )
         timestep, total = env.reset(variation), 0.0
-        while not timestep.last():  # As `Environment.play`, but `act` waits for others in between.
+        while not timestep.last():  # As `Environment.play`, but `act` yields to other episodes.
             timestep = env.step((yield from policy.act(timestep)))
             env.check_converged()
             total += timestep.reward
@@ -185,25 +184,25 @@ def play_episode(
     variation: int,
     seed: int,
 ) -> dict:
-    """Plays an episode of a policy that does not plan; returns its scores.
+    """Plays an episode of a policy without planning; returns its scores.
 
     Args:
-        task: as `rollouts.sent_to` returns it.
-        settings: keyword arguments of the task as JSON.
-        policy, trust: as in `make_policy`.
-        variation, seed: of the episode.
+        task: Value of `rollouts.sent_to`.
+        settings: Keyword arguments of the task as JSON.
+        policy, trust: Arguments of `make_policy`.
+        variation, seed: Variation of the episode and seed of the policy.
 
     Raises:
         SimulationError: if the episode diverges.
     """
     env, total = kept_environment(task, settings), 0.0
     for timestep in env.play(make_policy(policy, env, seed, trust=trust), variation):
-        total += timestep.reward or 0.0  # That of a reset is None.
+        total += timestep.reward or 0.0  # A reset has the reward None.
     return _scores(env, variation, seed, total)
 
 
 def _scores(env: Environment, variation: int, seed: int, total: float) -> dict:
-    """What is kept of an episode that has ended, with its return."""
+    """Returns the scores of a finished episode."""
     info = env.info()
     return {
         "variation": variation,

@@ -1,4 +1,4 @@
-"""Numbers for a table: of the scores of an evaluation's episodes, with their uncertainty."""
+"""Statistics of the scores of an evaluation, with bootstrap confidence intervals."""
 
 from collections.abc import Mapping, Sequence
 
@@ -6,24 +6,23 @@ import numpy as np
 from scipy import stats
 
 RESAMPLES = 10_000  # Moves the ends of an interval by less than a hundredth of its width.
-LEVEL = 0.95  # Of intervals.
+LEVEL = 0.95  # Confidence level of intervals.
 _CUT = 0.25  # Share of the scores that the interquartile mean leaves out at either end.
-_SEED = 0x424F4F54  # The same scores have the same interval.
-_AT_ONCE = 1_000  # Resamples in memory.
+_SEED = 0x424F4F54  # Fixed, so that the same scores have the same interval.
+_AT_ONCE = 1_000  # Number of resamples in memory at a time.
 
 
 def summary(episodes: Sequence[Mapping]) -> dict[str, float]:
-    """The numbers of an evaluation; `methods` says what they are.
+    """Returns summary statistics of an evaluation; `methods` describes them.
 
     Args:
-        episodes: an episode of every seed in every variation, with "seed", "variation",
+        episodes: One episode of every seed and variation, with "seed", "variation",
             "normalized_performance" and "success".
 
     Returns:
-        Median and quartiles, as in the paper over seeds (of the means over variations); with one
-        seed over variations. Mean and interquartile mean over all episodes, as in rliable
-        (Agarwal et al. 2021), with the ends of their bootstrap intervals; the least and the
-        largest score, and the share of successes.
+        Median and quartiles over seeds (of means over variations, as in the paper), or over
+        variations if there is one seed; mean and interquartile mean over all episodes with
+        bootstrap intervals, as in rliable (Agarwal et al. 2021); minimum, maximum and success rate.
     """
     result = {(e["seed"], e["variation"]): e["normalized_performance"] for e in episodes}
     seeds, variations = (list(dict.fromkeys(names)) for names in zip(*result, strict=True))
@@ -48,7 +47,7 @@ def summary(episodes: Sequence[Mapping]) -> dict[str, float]:
 
 
 def secondary_metrics(episodes: Sequence[Mapping]) -> dict[str, float]:
-    """Means over all episodes of the tasks' secondary metrics at the last step, by name."""
+    """Returns means over all episodes of the secondary metrics at the last step, by name."""
     return {
         name: float(np.mean([episode["secondary_metrics"][name] for episode in episodes]))
         for name in episodes[0]["secondary_metrics"]
@@ -56,7 +55,7 @@ def secondary_metrics(episodes: Sequence[Mapping]) -> dict[str, float]:
 
 
 def methods(episodes: Sequence[Mapping]) -> dict[str, str]:
-    """What the numbers of `summary` are, in words."""
+    """Returns descriptions of the numbers of `summary`."""
     return {
         "score": "normalized performance at the last step",
         "quartiles": f"over {quartiles_over(episodes)}",
@@ -67,15 +66,14 @@ def methods(episodes: Sequence[Mapping]) -> dict[str, str]:
 
 
 def quartiles_over(episodes: Sequence[Mapping]) -> str:
-    """What median and quartiles are over: "seeds", or "variations" where there is one seed."""
+    """Returns what median and quartiles are over: "seeds", or "variations" with one seed."""
     return "seeds" if len({episode["seed"] for episode in episodes}) > 1 else "variations"
 
 
 def _intervals(scores: np.ndarray) -> list[float]:
-    """Low and high ends for the mean, then for the interquartile mean, of scores (n, m).
+    """Returns bootstrap intervals of the mean and interquartile mean of scores (seeds, variations).
 
-    Seeds and variations are drawn apart from each other, with replacement: another evaluation
-    would differ in both (the pigeonhole bootstrap, Owen 2007). With one seed, variations differ.
+    Seeds and variations are resampled independently (pigeonhole bootstrap, Owen 2007).
     """
     random, (seeds, variations) = np.random.default_rng(_SEED), scores.shape
     result = []

@@ -1,1 +1,1 @@
-"""Learned policies: how they are trained."""
+"""Training of policies: learning methods, checkpoints, logs and published results."""

@@ -1,6 +1,6 @@
-"""Checkpoints: files of PyTorch with a checksum, of which a folder keeps the last two.
+"""Checkpoints: PyTorch files with a checksum, the last two of a folder, and the folder's lock.
 
-And the lock by which one process alone trains in a folder.
+The lock ensures that a single process trains in a folder.
 """
 
 import contextlib
@@ -29,19 +29,19 @@ from softgym_mj.storage.files import (
 
 FILE, PREVIOUS = "checkpoint.pt", "checkpoint.previous.pt"
 LOCK, HOLDER = "training.lock", "training.json"
-_DIGEST = 64  # Characters of a SHA-256 in hexadecimal.
+_DIGEST = 64  # Characters of a hexadecimal SHA-256.
 _PARTS = {"owner", "learner", "rows", "done", "part", "seconds"}
 
 
 def write_checkpoint(folder: pathlib.Path, state: Mapping[str, Any]) -> None:
-    """Writes `folder`/checkpoint.pt whole; the one that was there becomes the previous one.
+    """Writes `folder`/checkpoint.pt atomically and keeps the previous one.
 
     Raises:
-        StoreError: if it cannot be written; the previous one is there then.
+        StoreError: if it cannot be written; the previous one remains.
     """
     buffer = io.BytesIO()
     torch.save(dict(state), buffer)
-    # The checksum is the comment of the zip file, so that `torch.load` reads the file as well.
+    # The checksum is the comment of the zip file, so that `torch.load` can read the file, too.
     body = buffer.getvalue()[:-2] + _DIGEST.to_bytes(2, "little")
     if (folder / FILE).exists():
         with naming(folder / PREVIOUS, "written"):
@@ -50,10 +50,10 @@ def write_checkpoint(folder: pathlib.Path, state: Mapping[str, Any]) -> None:
 
 
 def read_checkpoint(folder: pathlib.Path) -> dict[str, Any] | None:
-    """Returns the newest checkpoint of a folder, its arrays on the processor; None without one.
+    """Returns the newest checkpoint of a folder, with its arrays on the CPU; None without one.
 
     Raises:
-        StoreError: for a file that is damaged, or that `write_checkpoint` has not written.
+        StoreError: for a damaged file, or one that is no checkpoint.
     """
     name = next((name for name in (FILE, PREVIOUS) if os.path.lexists(folder / name)), None)
     if name is None:
@@ -72,7 +72,7 @@ def read_checkpoint(folder: pathlib.Path) -> dict[str, Any] | None:
 
 
 def refused(folder: pathlib.Path, reason: str) -> StoreError:
-    """Returns the error for the newest checkpoint of a folder."""
+    """Returns the error for a checkpoint that does not fit."""
     if not os.path.lexists(folder / FILE):
         file, advice = folder / PREVIOUS, "to begin anew"
     elif os.path.lexists(folder / PREVIOUS):
@@ -84,7 +84,7 @@ def refused(folder: pathlib.Path, reason: str) -> StoreError:
 
 
 def as_longer(owner: Mapping[str, Any], env_steps: int) -> Mapping[str, Any]:
-    """What a checkpoint says whose it is, as of a training that goes on to more env steps."""
+    """Returns the settings of a checkpoint, extended to a training of more env steps."""
     training = owner["training"]
     if training.get("env_steps", env_steps) >= env_steps:
         return owner
@@ -92,7 +92,7 @@ def as_longer(owner: Mapping[str, Any], env_steps: int) -> Mapping[str, Any]:
 
 
 def differences(saved: Mapping[str, Any], own: Mapping[str, Any]) -> str:
-    """The settings that differ from a checkpoint's, in words; nothing if none does."""
+    """Returns the names of settings that differ from a checkpoint's; empty if none does."""
     result = []
     for name, value in own.items():
         other = saved.get(name)
@@ -138,7 +138,7 @@ def alone(folder: pathlib.Path) -> Iterator[None]:
 
 
 def _holder(folder: pathlib.Path) -> str:
-    """The process that holds the lock, in words; nothing if it has just begun."""
+    """Returns a description of the process that holds the lock; empty if it has just started."""
     if not (folder / HOLDER).exists():
         return ""
     result = read_json(folder / HOLDER)

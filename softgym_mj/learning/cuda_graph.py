@@ -1,6 +1,6 @@
-"""`CudaGraph`: what is done again and again, as one of CUDA's graphs where there is a GPU.
+"""`CudaGraph`: a repeated function as a CUDA graph.
 
-Small networks wait for launches: a graph launches all of an update at once.
+Launches of kernels dominate updates of small networks; a graph launches all kernels at once.
 """
 
 from collections.abc import Callable, Sequence
@@ -8,23 +8,23 @@ from collections.abc import Callable, Sequence
 import torch
 from torch import Tensor
 
-_WARM_UP = 3  # Calls that make what is made once, such as the state of optimizers.
+_WARM_UP = 3  # Calls before the capture, which allocate, for example, states of optimizers.
 
 
 class CudaGraph:
-    """A function without arguments that changes arrays in place."""
+    """Repeats a function that changes arrays in place, as a CUDA graph if there is a GPU."""
 
     def __init__(
         self,
         function: Callable[[], dict[str, Tensor]],
         sources: Sequence[torch.Generator],
     ):
-        """Takes a function.
+        """Sets the function.
 
         Args:
-            function: reads and writes arrays that stay where they are, and asks for none of their
-                numbers; what it returns is read before the next call.
-            sources: of the random numbers that it draws, all on one device.
+            function: Reads and writes arrays at fixed addresses without copies to the host; its
+                result is valid until the next call.
+            sources: Generators of its random numbers, all on one device.
         """
         self._function, self._sources = function, sources
         self._on_gpu = sources[0].device.type == "cuda"
@@ -33,12 +33,12 @@ class CudaGraph:
         self._result: dict[str, Tensor] = {}
 
     def __call__(self) -> dict[str, Tensor]:
-        """What the function returns."""
+        """Calls the function and returns its result."""
         self._calls += 1
         if not self._on_gpu:
             return self._function()
         if self._calls <= _WARM_UP:
-            # On a stream of its own, as the graph will be.
+            # Warm-up calls run on a separate stream, as the capture does.
             side = torch.cuda.Stream()
             side.wait_stream(torch.cuda.current_stream())
             with torch.cuda.stream(side):

@@ -1,4 +1,4 @@
-"""Curves: how well each seed did, a row of each evaluation and split."""
+"""Learning curves: a row for each evaluation, seed and split."""
 
 import csv
 import io
@@ -15,11 +15,11 @@ COLUMNS = (
     "task", "method", "observation", "preset", "replay", "seed", "env_steps", "updates", "seconds",
     "split", "episodes", "normalized_performance", "success", "final",
 )  # fmt: skip
-FILE = "curve.csv"  # In the folder of a training.
+FILE = "curve.csv"  # File in the folder of a training.
 CARD = "card.json"
-EPISODES = "episodes.csv"  # Of the last evaluation, held out.
+EPISODES = "episodes.csv"  # File of the last evaluation's held-out episodes.
 POLICY = "policy_{seed}.pt2"
-# Of an episode's infos, those that there are.
+# Infos of episodes, as far as the task has them.
 _KEPT = (
     "normalized_performance", "performance", "success", "episode_max_edge_strain",
     "spilled",
@@ -27,13 +27,13 @@ _KEPT = (
 
 
 def evaluated(number: int) -> dict[str, range]:
-    """Returns so many variations of each split, evenly chosen: what an evaluation plays."""
+    """Returns `number` evenly spaced variations of each split, for an evaluation."""
     splits = {split: SPLITS[split] for split in ("train", "evaluate")}
     return {split: own[:: len(own) // number][:number] for split, own in splits.items()}
 
 
 def named(observation: Any) -> Any:
-    """What curves call an observation, or several: rgb+held."""
+    """Returns the name of one or several observations in curves, such as "rgb+held"."""
     return "+".join(map(str, observation)) if isinstance(observation, list | tuple) else observation
 
 
@@ -43,9 +43,9 @@ def curve_rows(
     """Returns the rows of an evaluation.
 
     Args:
-        common: what they have in common, by `COLUMNS`.
-        seeds: a row of each.
-        infos: how episodes ended (seeds, variations), by name.
+        common: Common entries by `COLUMNS`.
+        seeds: Seeds, one row each.
+        infos: Infos at the end of episodes (seeds, variations), by name.
     """
     scores = {name: infos[name].mean(1) for name in ("normalized_performance", "success")}
     return [
@@ -58,7 +58,7 @@ def curve_rows(
 
 
 def write_curve(folder: pathlib.Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Writes rows by `COLUMNS` to `folder`/curve.csv: all of it or nothing."""
+    """Writes rows by `COLUMNS` to `folder`/curve.csv atomically."""
     _write(folder / FILE, COLUMNS, rows)
 
 
@@ -68,7 +68,7 @@ def write_episodes(
     variations: Sequence[int],
     infos: Mapping[str, np.ndarray],
 ) -> None:
-    """Writes how each episode ended, infos (seeds, variations), to `folder`/episodes.csv."""
+    """Writes infos at the end of episodes (seeds, variations) to `folder`/episodes.csv."""
     names = [name for name in _KEPT if name in infos]
     rows = [
         {"seed": seed, "variation": variation, **{name: infos[name][k, i] for name in names}}

@@ -1,8 +1,7 @@
-"""Demonstrations: episodes of a task's scripted expert, which learners are shown.
+"""Demonstrations: episodes of a task's scripted expert for learners.
 
-They are played through the Gymnasium environment by MuJoCo, whatever simulates the training, and
-kept in the package's cache, a file each: a training that was killed goes on from what is there, and
-the next one finds them, until the expert is written otherwise.
+The Gymnasium environment plays them with MuJoCo on the CPU. They are stored in the package's cache,
+one file each, for interrupted and later trainings, until the expert's code changes.
 """
 
 import functools
@@ -36,8 +35,8 @@ from softgym_mj.vector.processes import num_cores
 
 POLICY = "scripted"
 OBSERVATIONS = ("reduced", "markov", "full")
-_KEPT = ("rewards", "terminations")  # Beside observations.
-_APART = 0x44454D4F  # Keeps the random numbers of batches apart from those of other replays.
+_KEPT = ("rewards", "terminations")  # Arrays that are stored besides observations.
+_APART = 0x44454D4F  # Separates the random numbers of batches from those of other replays.
 
 _log = logging.getLogger(__name__)
 _NOTICE = (
@@ -50,7 +49,7 @@ def _tell(done: int, episodes: int) -> None:
 
 
 def check_demonstrations(episodes: int, jobs: int | None) -> None:
-    """Raises `InvalidArgumentError` unless there can be so many, by so many processes."""
+    """Raises `InvalidArgumentError` for an invalid number of demonstrations or processes."""
     check_count("demonstrations", episodes, 1, len(SPLITS["train"]))
     if jobs is not None:
         check_count("jobs", jobs, 1)
@@ -63,20 +62,20 @@ def collect(
     progress: Callable[[int, int], None] = _tell,
     noise: float = 0.0,
 ) -> Step:
-    """What the expert does in the training variations 0..episodes - 1, (episodes, steps, ...) each.
+    """Collects the expert's steps (episodes, steps, ...) in training variations 0..episodes - 1.
 
-    With noise the actions are the expert's own, not those that led to the next observation.
+    With noise, actions are the expert's own, not the applied ones.
 
     Args:
-        problem: whose task, observations, scale of rewards and device they are of.
-        episodes: how many.
-        jobs: processes that play them; None for as many as there are cores.
-        progress: called with how many there are, of how many, after each.
-        noise: deviation of the noise on what is applied, as in `recording.record`.
+        problem: Learning problem: task, observations, reward scale and device.
+        episodes: Number of episodes.
+        jobs: Number of processes; None for the number of cores.
+        progress: Called after each episode with the numbers of finished and of all episodes.
+        noise: Standard deviation of the noise on applied actions, as in `recording.record`.
 
     Raises:
-        InvalidArgumentError: for too many; for images; for noise that actions cannot have; if
-            the task has no expert.
+        InvalidArgumentError: for too many episodes, for images, for invalid noise, or if the task
+            has no expert.
         StoreError: if the cache cannot be written.
     """
     check_name("observation", problem.observed, OBSERVATIONS)
@@ -91,17 +90,17 @@ def collect(
 def collect_images(
     problem: Problem, episodes: int, jobs: int | None = None, noise: float = 0.0
 ) -> tuple[dict[str, Tensor], Tensor]:
-    """Plays the same episodes, of several observations; MuJoCo draws what is an image.
+    """Collects demonstrations of several observations, of which MuJoCo renders the images.
 
     Args:
-        problem: see `collect`; its observations have names.
-        episodes, jobs, noise: see `collect`.
+        problem: Learning problem with several observations.
+        episodes, jobs, noise: Arguments of `collect`.
 
     Returns:
         Observations by name before each env step, and actions of the expert (episodes, steps, ...).
 
     Raises:
-        InvalidArgumentError, StoreError: see `collect`.
+        InvalidArgumentError, StoreError: as in `collect`.
     """
     seen: dict[str, Any] = {"observation": [*problem.shapes]}
     if sizes := [shape for shape in problem.shapes.values() if len(shape) > 1]:
@@ -124,8 +123,8 @@ def _collected(
     """Returns the arrays of episodes (episodes, ...) by name.
 
     Args:
-        seen: what is observed, as arguments of the task.
-        problem, episodes, jobs, progress, noise: see `collect`.
+        seen: Arguments of the task that set its observation.
+        problem, episodes, jobs, progress, noise: Arguments of `collect`.
     """
     check_demonstrations(episodes, jobs)
     check_noise(noise)
@@ -164,7 +163,7 @@ def _collected(
 def _played(
     task: TaskRecord | bytes, settings: str, noise: float, variation: int
 ) -> dict[str, np.ndarray]:
-    """The arrays of an episode, by `_KEPT`, and the actions that are shown."""
+    """Returns the observations, `_KEPT` arrays and demonstrated actions of an episode."""
     arrays = played(task, settings, POLICY, 0, False, "keep", noise, variation)
     kept = *_KEPT, _shown(noise)
     return {
@@ -175,7 +174,7 @@ def _played(
 
 
 def _shown(noise: float) -> str:
-    """The array of the expert's own actions."""
+    """Returns the name of the array of the expert's own actions."""
     return LABELS if noise else "actions"
 
 
@@ -187,12 +186,12 @@ def replay_of(
     steps: int = 1,
     symmetries: Sequence[Symmetry] = (),
 ) -> Replay:
-    """A replay of the same demonstrations for each seed, which draws batches of its own.
+    """Returns a replay with the same demonstrations for each seed; batches differ by seed.
 
     Args:
-        shown: as `collect` returns it.
-        seeds: of the trainings.
-        discount, steps, symmetries: as of `Replay`.
+        shown: Value of `collect`.
+        seeds: Seeds of the trainings.
+        discount, steps, symmetries: Arguments of `Replay`.
 
     Raises:
         InvalidArgumentError: for symmetries of other observations.

@@ -1,8 +1,7 @@
-"""Rules by which results enter the published ones: `learning table --merge`.
+"""Rules for results that are merged with the published ones: `learning table --merge`.
 
-A result is a folder with curve.csv (columns `curves.COLUMNS`), episodes.csv (how each held-out
-episode of the last evaluation ended) and card.json. docs/results.md describes these files for code
-that is not of this package.
+A result is a folder with curve.csv (columns `curves.COLUMNS`), episodes.csv (the held-out episodes
+of the last evaluation) and card.json. docs/results.md describes these files.
 """
 
 import csv
@@ -22,20 +21,20 @@ from softgym_mj.variations.indices import SPLITS
 HELD_OUT = SPLITS["evaluate"]
 # Normalized performance; a stretched cloth covers 2e-5 more than a flat one.
 HIGHEST_SCORE = 1.001
-# Seeds of a result; the latter where a training takes a GPU for so many seconds.
-SEEDS, SEEDS_IF_LONG, LONG = 5, 3, 300.0
-_ROUNDING = 1e-6  # Of scores in files of text.
+# Minimum number of seeds of a result, and of one whose training takes this many seconds of a GPU.
+SEEDS, SEEDS_IF_LONG, LONG = 5, 3, 900.0
+_ROUNDING = 1e-6  # Rounding error of scores in text files.
 _SPLITS = ("train", "evaluate")
 
 
 def enter(path: pathlib.Path) -> list[Row]:
-    """Returns the rows of a result that keeps all rules.
+    """Returns the rows of a result that satisfies all rules.
 
     Args:
-        path: folder of a training, or folder or file of a planner's evaluation.
+        path: Folder of a training, or folder or file of a planner's evaluation.
 
     Raises:
-        StoreError: for a result that breaks rules, with all of them; see `read_folder`.
+        StoreError: for a result that violates rules (the message lists all), or a damaged file.
     """
     rows = read_folder(path)
     broken = [*_bad_scores(rows)]
@@ -64,7 +63,7 @@ def _bad_scores(rows: Sequence[Row]) -> Iterator[str]:
 def _of_training(
     rows: Sequence[Row], card: Mapping[str, Any], folder: pathlib.Path
 ) -> Iterator[str]:
-    """The rules that a training breaks, in words."""
+    """Yields descriptions of the rules that a training violates."""
     training = card.get("training")
     training = training if isinstance(training, Mapping) else {}
     own = {
@@ -90,9 +89,9 @@ def _of_training(
 
 
 def _bad_task(training: Mapping[str, Any], preset: object) -> Iterator[str]:
-    """What makes the task another one than that of the table."""
+    """Yields the settings by which the task differs from the table's."""
     usual: dict[str, Any] = {"fidelity": "default", "episode_steps": None, "arguments": {}}
-    if preset == "custom":  # Presets may need an actor.
+    if preset == "custom":  # Presets may set an actor.
         usual["actor"] = None
     for name, value in usual.items():
         if (result := training.get(name, value)) != value:
@@ -118,7 +117,7 @@ def _are_counts(points: object) -> bool:
 def _bad_length(
     points: Sequence[int], own: Mapping[str, Any], training: Mapping[str, Any]
 ) -> Iterator[str]:
-    """Whether the training is as long as the preset says."""
+    """Yields a violation unless the training is as long as its preset."""
     if own["method"] not in METHODS or own["preset"] == "custom":
         return
     try:
@@ -133,7 +132,7 @@ def _bad_length(
 
 
 def _missing(rows: Sequence[Row], seeds: Sequence[int], points: Sequence[int]) -> Iterator[str]:
-    """Whether evaluations are missing, or are others than planned."""
+    """Yields violations for missing or additional evaluations."""
     result = {(row.env_steps, row.seed, row.split) for row in rows}
     expected = {(at, seed, split) for at in points for seed in seeds for split in _SPLITS}
     if missing := sorted(expected - result):
@@ -154,7 +153,7 @@ def _missing(rows: Sequence[Row], seeds: Sequence[int], points: Sequence[int]) -
 
 
 def _bad_episodes(rows: Sequence[Row], seeds: Sequence[int], file: pathlib.Path) -> Iterator[str]:
-    """Whether final rows are the means of the episodes that are listed."""
+    """Yields violations unless final rows are the means of the listed episodes."""
     if not file.exists():
         yield f"there is no {file.name}, how each held-out episode ended"
         return

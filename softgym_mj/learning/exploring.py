@@ -1,4 +1,4 @@
-"""`Explorer`: environments of all seeds in which a training explores, and what they are for."""
+"""`Explorer`: the environments in which the seeds of a training explore."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -11,16 +11,16 @@ from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.learner import Method, Problem, Step, split_by_seed
 from softgym_mj.learning.settings import TrainingSettings
 
-_PARTS = 1_000_003  # Keeps the seeds of environments of different parts apart.
+_PARTS = 1_000_003  # Separates the seeds of environments of different parts.
 
 
 def problem_of(
     settings: TrainingSettings, method: Method, seeds: Sequence[int], envs: Any, device: str
 ) -> Problem:
-    """Returns what is to be learned in environments, on a device of PyTorch.
+    """Returns the learning problem of environments, on a PyTorch device.
 
     Raises:
-        InvalidArgumentError: for several observations, unless the method takes them.
+        InvalidArgumentError: for several observations, unless the method supports them.
     """
     space = envs.single_observation_space
     shapes = {name: each.shape for name, each in getattr(space, "spaces", {}).items()}
@@ -35,25 +35,25 @@ def problem_of(
 
 
 class Explorer:
-    """Environments that begin another episode where one has ended."""
+    """Environments of all seeds, which reset at the end of an episode."""
 
     def __init__(self, problem: Problem, envs: Any, device: str):
-        """Takes environments over.
+        """Sets the environments.
 
         Args:
-            problem: what is learned.
-            envs: seeds * num_envs environments, which reset in the same step.
-            device: where they are.
+            problem: Learning problem.
+            envs: Vector environment of seeds * num_envs environments, with same-step autoreset.
+            device: Device of the environments.
         """
         self._problem, self._envs, self._device = problem, envs, device
-        self._scores: tuple[Any, Any] | None = None  # Since the last call of `scores`.
+        self._scores: tuple[Any, Any] | None = None  # Sums since the last call of `scores`.
 
     def begin(self, part: int, actions: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
         """Starts the episodes of a part and repeats its actions so far.
 
         Args:
-            part: number of parts before it.
-            actions: (seeds, num_envs, n) each.
+            part: Number of earlier parts.
+            actions: Actions (seeds, num_envs, n) of the part so far.
 
         Returns:
             Observations, and whether each is the first of an episode (seeds, num_envs).
@@ -78,13 +78,13 @@ class Explorer:
         """Steps all environments.
 
         Args:
-            observation: what was seen before (seeds, num_envs, ...).
-            action: (seeds, num_envs, n).
-            is_last: whether the part ends, so that no episode is followed any further.
+            observation: Observations before the step (seeds, num_envs, ...).
+            action: Actions (seeds, num_envs, n).
+            is_last: Whether the part ends with this step.
 
         Returns:
-            What is learned from, the next observations, and whether each is the first of an episode
-            (seeds, num_envs).
+            The step to learn from, the next observations, and whether each is the first of an
+            episode (seeds, num_envs).
         """
         seen, rewards, terminated, truncated, infos = self._envs.step(self.env_actions(action))
         self._note_scores(infos)
@@ -105,15 +105,15 @@ class Explorer:
         if self._scores is None:
             return {}
         (total, number), self._scores = self._scores, None
-        return {"explored/normalized_performance": total / number}  # Not a number without any.
+        return {"explored/normalized_performance": total / number}  # NaN without episodes.
 
     def env_actions(self, action: Tensor) -> Any:
-        """Actions (seeds, num_envs, n) as environments take them."""
+        """Converts actions (seeds, num_envs, n) to those of the vector environment."""
         flat = action.flatten(0, 1)
         return flat if self._device == "cuda" else flat.cpu().numpy()
 
     def _note_scores(self, infos: Mapping[str, Any]) -> None:
-        """Adds scores of episodes that have ended to sums and numbers (seeds,)."""
+        """Adds scores of finished episodes to sums and counts (seeds,)."""
         if "final_info" not in infos:
             return
         ended = split_by_seed(self._problem, infos["_final_info"])
@@ -123,7 +123,7 @@ class Explorer:
         self._scores = before[0] + now[0], before[1] + now[1]
 
     def _last(self, following: Any, infos: Mapping[str, Any]) -> Any:
-        """What was seen at the end of each episode, where one has ended: else what follows."""
+        """Returns final observations of finished episodes, next observations of others."""
         if "final_obs" not in infos:
             return following
         return self._replaced(following, infos["final_obs"], infos["_final_obs"])

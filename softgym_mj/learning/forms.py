@@ -1,4 +1,4 @@
-"""Forms in which symmetries show what is seen and done: orders and signs of its numbers."""
+"""Symmetries as signed permutations of observations and actions."""
 
 from collections.abc import Callable, Sequence
 
@@ -12,11 +12,11 @@ from softgym_mj.learning.symmetries import Symmetry
 def signed_orders(
     symmetries: Sequence[Symmetry], device: torch.device | str
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Order and sign (symmetries, n) by which numbers are taken: of observations, of actions."""
+    """Returns orders and signs (symmetries, n) of observations, then of actions."""
     result: list[Tensor] = []
     for name in ("observation", "action"):
         matrices = np.stack([getattr(symmetry, name) for symmetry in symmetries])
-        # Turns by right angles and mirrors: one entry of 1 or -1 in a row.
+        # Rotations by right angles and reflections have one entry of 1 or -1 in a row.
         assert (np.count_nonzero(matrices, axis=-1) == 1).all() and (abs(matrices) <= 1.0).all()
         orders = np.abs(matrices).argmax(-1)
         signs = np.take_along_axis(matrices, orders[..., None], -1)[..., 0]
@@ -25,10 +25,10 @@ def signed_orders(
 
 
 class SymmetrizedPolicy(nn.Module):
-    """A policy's mean over the forms of what it sees, each action turned back.
+    """Policy averaged over the symmetries of its task, which makes it equivariant.
 
-    So it does the same in all of them, and errs less. Those that exchange pickers are left out:
-    which one goes first is a choice, of which there is no mean.
+    Each symmetry transforms the observation, and its inverse the action. Symmetries that exchange
+    pickers are omitted: averaging over the choice of the picker that moves first is meaningless.
     """
 
     def __init__(
@@ -37,12 +37,12 @@ class SymmetrizedPolicy(nn.Module):
         symmetries: Sequence[Symmetry],
         device: torch.device | str,
     ):
-        """Takes a policy.
+        """Sets the policy.
 
         Args:
-            policy: actions (..., action) of observations (..., n, observation).
-            symmetries: of the task.
-            device: where.
+            policy: Maps observations (..., n, observation) to actions (..., n, action).
+            symmetries: Symmetries of the task.
+            device: PyTorch device.
         """
         super().__init__()
         own = [each for each in symmetries if each.pickers == tuple(sorted(each.pickers))]
@@ -55,7 +55,7 @@ class SymmetrizedPolicy(nn.Module):
         self.register_buffer("turns", turns.gather(-1, back))
 
     def forward(self, observation: Tensor) -> Tensor:
-        """Actions (..., n, action) of observations (..., n, observation)."""
+        """Maps observations (..., n, observation) to actions (..., n, action)."""
         result = [
             self.policy(observation[..., order] * sign)[..., back] * turn
             for order, sign, back, turn in zip(

@@ -1,6 +1,6 @@
-"""`Frames`: the newest env steps of environments of several seeds, each image kept once.
+"""`Frames`: a buffer of the newest env steps of several seeds that stores each image once.
 
-An observation that is an image is given as a stack of successive frames of its episode.
+Images are sampled as stacks of successive frames of an episode.
 """
 
 import logging
@@ -18,12 +18,12 @@ _log = logging.getLogger(__name__)
 
 
 class Frames:
-    """A ring of vector steps: arrays (capacity, seeds, num_envs, ...) by name.
+    """Ring buffer of vector steps: arrays (capacity, seeds, num_envs, ...) by name.
 
-    `sample` asks for no number of the device, so that it can be part of a CUDA graph.
+    `sample` does not synchronize with the device, so it can be part of a CUDA graph.
 
     Attributes:
-        sources: generators of the draws, one a seed.
+        sources: Random generators of samples, one per seed.
     """
 
     def __init__(
@@ -37,21 +37,21 @@ class Frames:
         shift: int = 0,
         device: str = "cpu",
     ):
-        """Makes room.
+        """Allocates the buffer.
 
         Args:
-            capacity: number of vector steps that are kept.
-            seeds: of the draws.
-            num_envs: number of environments of each seed.
-            shapes: of a single entry by name; images have two dimensions or more: (height, width),
-                (height, width, 3) or (cameras, height, width, 3).
-            frames: number of frames in a stack; before the start of an episode, its first one.
-            shift: largest random shift of a stack in each direction [pixels]; edges are repeated.
-            device: of PyTorch.
+            capacity: Number of vector steps.
+            seeds: Seeds of the samples.
+            num_envs: Number of environments of each seed.
+            shapes: Shapes of single entries by name; images have two dimensions or more: (height,
+                width), (height, width, 3) or (cameras, height, width, 3).
+            frames: Number of frames in a stack; the first one of an episode is repeated.
+            shift: Largest random shift of a stack in each direction [pixels]; edges are repeated.
+            device: PyTorch device.
         """
         self._frames, self._shift, self._num_envs = frames, shift, num_envs
         self._capacity, self._size, self._next = max(capacity, frames), 0, 0
-        self._is_cut = False  # Whether steps before the oldest were left out of a state.
+        self._is_cut = False  # Whether a restored state lacks steps before the oldest.
         lead = self._capacity, len(seeds), num_envs
         self._arrays = {
             name: torch.zeros(*lead, *shape, dtype=_kind(name, shape), device=device)
@@ -60,16 +60,16 @@ class Frames:
         self._images = {name for name, shape in shapes.items() if len(shape) > 1}
         # Env steps since the start of the episode.
         self._age = torch.zeros(lead, dtype=torch.int64, device=device)
-        # Vector steps that are kept, place of the oldest, how many of these lack earlier frames.
+        # Number of stored vector steps, index of the oldest, number that lack earlier frames.
         self._extent = torch.zeros(3, dtype=torch.int64, device=device)
         self.sources = generators(seeds, device)
 
     def add(self, values: Mapping[str, Tensor], first: Tensor) -> None:
-        """Keeps a vector step.
+        """Adds a vector step.
 
         Args:
-            values: (seeds, num_envs, ...) by name.
-            first: whether each is the first of an episode (seeds, num_envs).
+            values: Arrays (seeds, num_envs, ...) by name.
+            first: Whether each is the first of an episode (seeds, num_envs).
         """
         for name, array in self._arrays.items():
             array[self._next] = values[name]
@@ -86,10 +86,10 @@ class Frames:
             self._extent[k].fill_(number)
 
     def sample(self, k: int, number: int) -> dict[str, Tensor]:
-        """Draws entries of the seed at a place, with equal chances.
+        """Samples entries of the k-th seed uniformly.
 
         Returns:
-            Arrays by name: (number, ...); of images (number, frames, ...), the oldest first.
+            Arrays (number, ...) by name; images are (number, frames, ...), the oldest first.
         """
         size, oldest, lacking = self._extent
         shares = drawn(self.sources[k : k + 1], 4, number, normal=False)[0]
@@ -106,7 +106,7 @@ class Frames:
         }
 
     def _moved(self, array: Tensor, at: Tensor, env_index: Tensor, shares: Tensor) -> Tensor:
-        """Returns images of places (n, frames), each stack shifted by shares (2, n) in 0..1."""
+        """Returns images at indices (n, frames), each stack shifted by shares (2, n) in 0..1."""
         is_several = array.ndim == 6
         sides = array.shape[3:5] if is_several else array.shape[2:4]
         rows, columns = (
@@ -120,10 +120,10 @@ class Frames:
         return array[*lead, cameras, rows[:, None], columns[:, None]]
 
     def get_state(self) -> dict[str, Any]:
-        """Returns what `set_state` needs to continue: with the same numbers, if all fits.
+        """Returns the state for `set_state`.
 
-        All images may be tens of gigabytes: the state has those of `NEWEST_IMAGES` env steps, of
-        all seeds together.
+        It has the images of the newest `NEWEST_IMAGES` env steps of all seeds together, as all may
+        be tens of gigabytes; with fewer images the continuation is exact.
         """
         number = min(self._size, max(NEWEST_IMAGES // math.prod(self._age.shape[1:]), self._frames))
         newest = (torch.arange(number) + self._next - number) % self._capacity
@@ -136,7 +136,7 @@ class Frames:
         }
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Continues from what `get_state` returned."""
+        """Restores a state of `get_state`."""
         self._size, self._is_cut = len(state["arrays"]["_age"]), state["is_cut"]
         self._next = self._size % self._capacity
         if self._size < state["whole"]:
@@ -152,9 +152,9 @@ def pictured(array: Tensor, lead: int = 0) -> Tensor:
     """Returns images as (*lead, height, width, channels).
 
     Args:
-        array: behind `lead` dimensions, (height, width) distances, (height, width, 3) colors, or
-            those of several cameras (cameras, height, width, 3).
-        lead: number of leading dimensions.
+        array: After `lead` dimensions, distances (height, width), colors (height, width, 3), or
+            colors of several cameras (cameras, height, width, 3).
+        lead: Number of leading dimensions.
     """
     if array.ndim == lead + 2:
         return array[..., None]
@@ -165,10 +165,10 @@ def stacked(now: Tensor, before: Tensor | None, first: Tensor, frames: int) -> T
     """Returns stacks (seeds, n, frames, ...) of the newest images, the oldest first.
 
     Args:
-        now: images (seeds, n, ...).
-        before: stacks of the previous env step; None if there was none.
-        first: whether each image is the first of an episode (seeds, n): its stack repeats it.
-        frames: number of images in a stack.
+        now: Images (seeds, n, ...).
+        before: Stacks of the previous env step; None if there was none.
+        first: Whether each image is the first of an episode (seeds, n), whose stack repeats it.
+        frames: Number of images in a stack.
     """
     newest = now.unsqueeze(2)
     repeated = newest.expand(-1, -1, frames, *now.shape[2:])
@@ -179,7 +179,7 @@ def stacked(now: Tensor, before: Tensor | None, first: Tensor, frames: int) -> T
 
 
 def _kind(name: str, shape: tuple[int, ...]) -> torch.dtype:
-    """Returns the type in which an entry is kept."""
+    """Returns the data type in which an entry is stored."""
     if len(shape) < 2:
         return torch.float32
     return torch.float16 if "depth" in name else torch.uint8

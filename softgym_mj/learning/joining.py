@@ -1,4 +1,4 @@
-"""One result of trainings of several seeds: curve, episodes, card and policies in one folder."""
+"""Joins trainings of different seeds: curve, episodes, card and policies in one folder."""
 
 import pathlib
 from collections.abc import Mapping, Sequence
@@ -13,17 +13,17 @@ _SAME = "method", "preset", "training", "settings", "evaluations", "backend", "v
 
 
 def join(folders: Sequence[pathlib.Path], out: pathlib.Path) -> list[int]:
-    """Writes the result of trainings that differ in their seeds alone, and have ended.
+    """Writes the joint result of finished trainings that differ only in their seeds.
 
     Args:
-        folders: of the trainings.
-        out: folder of the result; it may hold them.
+        folders: Folders of the trainings.
+        out: Folder of the result; it may contain the trainings.
 
     Returns:
         All seeds.
 
     Raises:
-        StoreError: for trainings that differ in more, have a seed in common or have not ended.
+        StoreError: for trainings that differ in other settings, share a seed or are unfinished.
     """
     cards = [read_json(folder / CARD) for folder in folders]
     first, card = folders[0], cards[0]

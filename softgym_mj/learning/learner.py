@@ -1,4 +1,4 @@
-"""`Learner`: what a method is to a training. A method is a file that has one, and its settings."""
+"""`Learner`: the interface between a training and its method."""
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
@@ -13,20 +13,20 @@ from softgym_mj.envs.environment import Environment
 
 @dataclasses.dataclass(frozen=True)
 class Problem:
-    """What is to be learned.
+    """Learning problem: task, environments and shapes.
 
     Attributes:
-        task: its name.
-        task_settings: keyword arguments of the task.
-        seeds: of trainings that go side by side.
-        num_envs: environments of each seed.
-        observation: shape of one; images are (height, width, 3) uint8, all else is (n,).
-        action: size of one, in -1..1.
-        reward_scale: factor to the task's rewards, in those that are learned from.
-        device: of PyTorch.
-        observed: name of what is observed, or names of several observations.
-        shapes: of several observations by name, `observation` being (); empty for a single one.
-        env_steps: env steps of each seed in the whole training.
+        task: Task name.
+        task_settings: Keyword arguments of the task.
+        seeds: Seeds that are trained together.
+        num_envs: Number of environments of each seed.
+        observation: Shape of an observation; images are (height, width, 3) uint8, others (n,).
+        action: Size of an action, whose entries are in -1..1.
+        reward_scale: Factor of the task's rewards for learning.
+        device: PyTorch device.
+        observed: Name of the observation, or names of several.
+        shapes: Shapes of several observations by name (`observation` is then ()); empty for one.
+        env_steps: Env steps of each seed in the whole training.
     """
 
     task: str
@@ -42,7 +42,7 @@ class Problem:
     env_steps: int = 0
 
     def example(self) -> Environment:
-        """An environment of the task that has been reset, without images."""
+        """Returns an environment of the task that has been reset, without images."""
         is_state = isinstance(self.observed, str) and self.observed != "rgb"
         seen = self.observed if is_state else "reduced"
         env = softgym_mj.load(self.task, split="all", observation=seen, **self.task_settings)
@@ -51,14 +51,14 @@ class Problem:
 
 
 class Step(NamedTuple):
-    """A step of all environments, (seeds, num_envs, ...) each.
+    """Vector step of all environments, with arrays (seeds, num_envs, ...).
 
     Attributes:
-        observation, action: what was seen, and done.
-        reward: scaled, (seeds, num_envs).
-        next_observation: of the same episode, at its end too.
-        terminated: whether the simulation has diverged: nothing follows.
-        ended: whether the episode is over for any reason, or is not followed any further.
+        observation, action: Observation before the step, and action.
+        reward: Scaled reward (seeds, num_envs).
+        next_observation: Observation after the step, of the same episode even at its end.
+        terminated: Whether the simulation has diverged, so that the return ends.
+        ended: Whether the episode has ended or is truncated.
     """
 
     observation: Tensor
@@ -70,71 +70,71 @@ class Step(NamedTuple):
 
 
 class Learner(Protocol):
-    """Policies of several seeds, which learn side by side and know nothing of each other."""
+    """Protocol of learners: independent policies of several seeds that are trained together."""
 
     @property
     def updates(self) -> int:
-        """How many there were."""
+        """Number of updates so far."""
 
     def act(
         self, observation: Tensor, first: Tensor, memory: Any, *, explore: bool
     ) -> tuple[Tensor, Any]:
-        """Chooses actions.
+        """Returns actions.
 
         Args:
-            observation: (seeds, n, ...), n being the environments of a seed or any other number.
-            first: whether each is the first of an episode (seeds, n).
-            memory: what was returned with the actions before; None at first.
-            explore: whether to learn from it; else these are the best that are known.
+            observation: Observations (seeds, n, ...) of any number n of environments.
+            first: Whether each is the first of an episode (seeds, n).
+            memory: Memory that was returned by the previous call; None at first.
+            explore: Whether to explore; otherwise actions are the best known ones.
 
         Returns:
-            Actions (seeds, n, action), and what it is to be told the next time.
+            Actions (seeds, n, action), and the memory for the next call.
         """
 
     def learn(self, step: Step) -> dict[str, Tensor]:
-        """Learns from a step of all environments, and from all before.
+        """Adds a vector step and updates the policies.
 
         Returns:
-            Losses and the like (seeds,) by name, if there was an update.
+            Losses and other metrics (seeds,) by name; empty without an update.
         """
 
     def policy(self, seed: int) -> nn.Module:
-        """Best actions (n, action) of the seed at a place, as a function of observations.
+        """Returns the policy of the seed at an index: a module from observations to actions.
 
         Raises:
-            InvalidArgumentError: of a method whose actions depend on what was seen before.
+            InvalidArgumentError: for a method whose policies have memory.
         """
 
     def get_state(self) -> dict[str, Any]:
-        """All that `set_state` needs to go on with the same numbers."""
+        """Returns the state from which `set_state` continues exactly."""
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Goes on from what `get_state` returned."""
+        """Restores a state of `get_state`."""
 
 
 @runtime_checkable
 class Offline(Protocol):
-    """A `Learner` that has all it learns from: instead of `learn` it has this.
+    """Protocol of learners from a fixed data set, with `update_offline` instead of `learn`.
 
     Attributes:
-        demonstrated: env steps of each seed that it learns from.
+        demonstrated: Number of demonstrated env steps of each seed.
     """
 
     demonstrated: int
 
     def update_offline(self) -> dict[str, Tensor]:
-        """Learns once; returns losses and the like (seeds,) by name."""
+        """Makes one update; returns losses and other metrics (seeds,) by name."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Method:
-    """One way to learn.
+    """Learning method with its settings.
 
     Attributes:
-        name: of `registry.METHODS`.
-        preset: whose settings these are; "custom" if some were replaced.
-        settings: its dataclass.
-        make: a `Learner` of a problem.
+        name: Name in `registry.METHODS`, or "module:function".
+        preset: Name of the preset; "custom" if settings were replaced.
+        settings: Dataclass of settings.
+        make: Creates a `Learner` from settings and a problem.
     """
 
     name: str
@@ -144,7 +144,7 @@ class Method:
 
 
 def split_by_seed(problem: Problem, array: Any) -> Tensor:
-    """Returns an array (seeds * num_envs, ...) as (seeds, num_envs, ...) on its device."""
+    """Converts an array (seeds * num_envs, ...) to (seeds, num_envs, ...) on the device."""
     if isinstance(array, Mapping):
         return {name: split_by_seed(problem, each) for name, each in array.items()}
     tensor = torch.as_tensor(array, device=problem.device)

@@ -8,17 +8,17 @@ from typing import Any
 from softgym_mj.exceptions import check_name, import_extra
 from softgym_mj.learning.training import Training
 
-POINTS = 100  # Of a whole training.
+POINTS = 100  # Log entries of a whole training.
 LOGS = ("none", "tensorboard", "wandb")
 Log = Callable[[Training, Mapping[str, Sequence[float]]], None]
 
 
 def make_log(name: str, folder: pathlib.Path) -> Log:
-    """What is told of each part of a training: losses by name (seeds,), and its curve.
+    """Returns a callback for `Training.run` that logs losses (seeds,) and the curve.
 
     Args:
-        name: one of `LOGS`; "wandb" sends to the server that its own settings name.
-        folder: of the training.
+        name: One of `LOGS`; "wandb" sends data to the server of its own settings.
+        folder: Folder of the training.
 
     Raises:
         InvalidArgumentError: for another name.
@@ -35,7 +35,7 @@ def make_log(name: str, folder: pathlib.Path) -> Log:
 
         def write(training: Training, losses: Mapping[str, Sequence[float]]) -> None:
             _tell(training, losses, writer.add_scalar)
-            writer.flush()  # A training may be killed at any time.
+            writer.flush()  # A training can be killed at any time.
 
         return write
     wandb = import_extra("wandb", "Weights & Biases", "wandb")

@@ -1,7 +1,6 @@
-"""Networks of several seeds that are trained together: arrays have a leading dimension of seeds.
+"""Networks of several seeds that are trained together, with a leading dimension of seeds.
 
-A seed's numbers do not depend on the others: its weights are drawn from a generator of its own, and
-nothing mixes them.
+The numbers of a seed do not depend on other seeds: each has a random generator of its own.
 """
 
 import copy
@@ -13,44 +12,44 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-_EPSILON = 1e-5  # Of LayerNorm.
+_EPSILON = 1e-5  # Epsilon of LayerNorm.
 
 
 def generators(seeds: Sequence[int], device: torch.device | str) -> list[torch.Generator]:
-    """A source of random numbers for each seed."""
+    """Returns a random generator for each seed."""
     return [torch.Generator(device).manual_seed(seed) for seed in seeds]
 
 
 def drawn(sources: Sequence[torch.Generator], *shape: int, normal: bool = True) -> Tensor:
-    """Random numbers (seeds, *shape): normal ones, or in 0..1."""
+    """Returns random numbers (seeds, *shape), standard normal or uniform in 0..1."""
     draw: Callable[..., Tensor] = torch.randn if normal else torch.rand
     return torch.stack([draw(shape, generator=s, device=s.device) for s in sources])
 
 
 def whole_numbers(shares: Tensor, number: Tensor | int) -> Tensor:
-    """Returns whole numbers from 0 to below `number`, of shares in 0..1 of the same shape (...)."""
+    """Converts shares in 0..1 of shape (...) to integers in 0..number - 1."""
     return (shares * number).long().clamp(max=number - 1)
 
 
 def lines(shares: Tensor, whole: int, part: int, pad: int) -> Tensor:
-    """Returns rows or columns (..., part) of pictures that have `whole` of them.
+    """Returns indices (..., part) of consecutive rows or columns of images with `whole` of them.
 
     Args:
-        shares: numbers (...) in 0..1 that choose the first one, of all that there are.
-        whole, part: numbers of rows or columns.
-        pad: by which pictures continue beyond their edges, which are repeated.
+        shares: Numbers (...) in 0..1 that select the first index.
+        whole, part: Numbers of rows or columns.
+        pad: Padding by which images are extended beyond their edges.
     """
     first = whole_numbers(shares, whole + 2 * pad - part + 1) - pad
     return (first[..., None] + torch.arange(part, device=shares.device)).clamp(0, whole - 1)
 
 
 def any_actions(sources: Sequence[torch.Generator], number: int, size: int) -> Tensor:
-    """Random ones (seeds, number, size), all alike likely: before anything is learned."""
+    """Returns uniformly random actions (seeds, number, size)."""
     return 2.0 * drawn(sources, number, size, normal=False) - 1.0
 
 
 class Linear(nn.Module):
-    """Layers of all seeds, with orthogonal weights and no bias at first."""
+    """Linear layer of each seed, with orthogonal initial weights and zero bias."""
 
     def __init__(
         self, sources: Sequence[torch.Generator], inputs: int, outputs: int, gain: float = 1.0
@@ -70,12 +69,12 @@ class Linear(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """Of (seeds, n, inputs): (seeds, n, outputs)."""
-        # Not `baddbmm`: what is added can be compiled into what follows.
+        # Unlike `baddbmm`, a separate addition can be fused with the next operation.
         return torch.bmm(x, self.weight) + self.bias
 
 
 class LayerNorm(nn.Module):
-    """Of the last dimension, with a scale and a shift for each seed."""
+    """LayerNorm of the last dimension, with scale and shift of each seed."""
 
     def __init__(self, seeds: int, size: int, device: torch.device | str):
         super().__init__()
@@ -88,7 +87,7 @@ class LayerNorm(nn.Module):
 
 
 class MLP(nn.Sequential):
-    """Layers with ReLU between them."""
+    """Multilayer perceptron of each seed, with ReLU."""
 
     def __init__(
         self,
@@ -100,9 +99,9 @@ class MLP(nn.Sequential):
         """Draws the weights.
 
         Args:
-            sources: of random numbers, one a seed.
-            sizes: of the input, of hidden layers and of the output.
-            norm: whether hidden layers are normalized before their ReLU, without weights.
+            sources: Random generators, one per seed.
+            sizes: Sizes of the input, of hidden layers and of the output.
+            norm: Whether hidden layers have LayerNorm without weights before their ReLU.
         """
         layers: list[nn.Module] = []
         for k, (inputs, outputs) in enumerate(itertools.pairwise(sizes)):
@@ -116,9 +115,9 @@ class MLP(nn.Sequential):
 
 
 class ObservationNormalizer(nn.Module):
-    """Observations of each seed by their means and deviations; as they are until `fit`.
+    """Normalizes observations of each seed by mean and standard deviation; identity until `fit`.
 
-    Positions are tenths of a meter beside actions of up to 1, which first layers would see alone.
+    Positions vary by 0.1 m, actions by 1; without normalization actions dominate the first layer.
     """
 
     def __init__(self, seeds: int, size: int, device: torch.device | str):
@@ -127,7 +126,7 @@ class ObservationNormalizer(nn.Module):
         self.register_buffer("deviation", torch.ones(seeds, 1, size, device=device))
 
     def fit(self, observation: Tensor, least: float) -> None:
-        """Takes means, and deviations of at least this, of observations (seeds, n, size)."""
+        """Sets mean and standard deviation, at least `least`, of observations (seeds, n, size)."""
         self.mean.copy_(observation.mean(1, keepdim=True))
         self.deviation.copy_(observation.std(1, keepdim=True).clamp(min=least))
 
@@ -137,12 +136,12 @@ class ObservationNormalizer(nn.Module):
 
 
 class Actor(nn.Module):
-    """A Gaussian through tanh, whose mean and log deviation are functions of an observation.
+    """Tanh-squashed Gaussian policy.
 
     Attributes:
-        seen: makes of observations what the network takes.
-        body: the network.
-        low, high: of the log deviation, which tanh squashes into them.
+        seen: Module that maps observations to the input of the network.
+        body: The network.
+        low, high: Bounds of the log standard deviation, which tanh squashes.
     """
 
     def __init__(
@@ -160,37 +159,37 @@ class Actor(nn.Module):
         self.low, self.high = log_std
 
     def forward(self, observation: Tensor) -> tuple[Tensor, Tensor]:
-        """Mean and log deviation (seeds, n, action) before tanh."""
+        """Returns mean and log standard deviation (seeds, n, action) before tanh."""
         mean, squashed = self.body(self.seen(observation)).chunk(2, dim=-1)
         share = 0.5 * (torch.tanh(squashed) + 1.0)
         return mean, self.low + share * (self.high - self.low)
 
     def sample(self, observation: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:
-        """Actions (seeds, n, action) and their log densities (seeds, n).
+        """Returns actions (seeds, n, action) and their log densities (seeds, n).
 
         Args:
-            observation: (seeds, n, observation).
-            noise: normal numbers (seeds, n, action).
+            observation: Observations (seeds, n, observation).
+            noise: Standard normal numbers (seeds, n, action).
         """
         mean, log_std = self(observation)
         before = mean + noise * log_std.exp()
         density = -0.5 * noise**2 - log_std - 0.5 * math.log(2.0 * math.pi)
-        # log(1 - tanh(x)^2), without loss of digits.
+        # log(1 - tanh(x)^2), numerically stable.
         slope = 2.0 * (math.log(2.0) - before - nn.functional.softplus(-2.0 * before))
         return torch.tanh(before), (density - slope).sum(-1)
 
     def mean(self, observation: Tensor) -> Tensor:
-        """The action (seeds, n, action) without noise."""
+        """Returns the action (seeds, n, action) without noise."""
         return torch.tanh(self(observation)[0])
 
 
 class Critics(nn.Module):
-    """Estimates of the return of an action, by critics that lie beside each other as seeds do.
+    """Ensemble of action-value networks of each seed.
 
     Attributes:
-        number: of critics of each seed.
-        seen: makes of observations what the network takes.
-        body: the network, of all critics of a seed, then of the next.
+        number: Number of critics of each seed.
+        seen: Module that maps observations to the input of the networks.
+        body: The networks: all critics of a seed, then those of the next.
     """
 
     def __init__(
@@ -210,20 +209,22 @@ class Critics(nn.Module):
         self.body = MLP(each, [observation + action, *hidden, 1], norm=norm)
 
     def forward(self, observation: Tensor, action: Tensor) -> Tensor:
-        """Of (seeds, n, ...): (number, seeds, n)."""
+        """Returns action values (number, seeds, n)."""
         both = torch.cat([self.seen(observation), action], dim=-1).repeat_interleave(self.number, 0)
         return self.body(both)[..., 0].unflatten(0, (-1, self.number)).transpose(0, 1)
 
 
 class DeterministicPolicy(nn.Module):
-    """The best action of one seed, by the `mean` of a network, of observations (n, k)."""
+    """Deterministic policy of one seed, on the CPU: maps observations (n, k) to mean actions."""
 
     def __init__(self, actor: nn.Module, seed: int):
         super().__init__()
         self.actor = copy.deepcopy(actor).cpu()
         seen = (one for one in self.actor.modules() if isinstance(one, ObservationNormalizer))
         for array in (*self.actor.parameters(), *(b for one in seen for b in one.buffers())):
-            array.data = array.data[seed : seed + 1].clone()  # Other buffers are of no seed.
+            array.data = array.data[
+                seed : seed + 1
+            ].clone()  # Other buffers have no dimension of seeds.
         self.requires_grad_(False)
 
     def forward(self, observation: Tensor) -> Tensor:

@@ -1,4 +1,4 @@
-"""`OffPolicy`: learns from a replay of all that was done, by updates of an algorithm."""
+"""`OffPolicy`: off-policy learner with a replay buffer and an algorithm that is updated from it."""
 
 import dataclasses
 import functools
@@ -21,24 +21,24 @@ from softgym_mj.validation import typed
 @typed
 @dataclasses.dataclass(frozen=True)
 class OffPolicySettings:
-    """How much is learned from what.
+    """Settings of off-policy learning; numbers of env steps are per seed.
 
     Attributes:
-        random_steps: env steps of each seed that are random, before it learns.
-        action_hold: env steps for which a random action goes on, on average.
-        updates: for each step of all environments.
-        batch: env steps of an update, of each seed.
-        replay: env steps of each seed that are kept.
-        n_step: env steps whose rewards are added up.
-        symmetric: whether replays show the symmetries of the task.
-        symmetrize_policy: whether best actions are means over them.
-        discount: of rewards, in each env step.
-        final_discount: what that rises to; None if it stays.
-        discount_schedule: env steps of each seed between which it does, so that its horizon,
-            1 / (1 - discount), grows by equal factors.
+        random_steps: Env steps with random actions before learning starts.
+        action_hold: Mean number of env steps that a random action is repeated.
+        updates: Updates per vector step.
+        batch: Env steps in an update.
+        replay: Capacity of the replay buffer in env steps.
+        n_step: Number of steps in n-step returns.
+        symmetric: Whether sampled steps are transformed by random symmetries of the task.
+        symmetrize_policy: Whether deterministic actions are averaged over the task's symmetries.
+        discount: Discount per env step.
+        final_discount: Final discount; None for a constant one.
+        discount_schedule: First and last env step of the change from `discount` to
+            `final_discount`, in which 1 / (1 - discount) grows exponentially.
 
     Raises:
-        InvalidArgumentError: for numbers out of range.
+        InvalidArgumentError: for a value out of range.
     """
 
     random_steps: int = 1_000
@@ -68,7 +68,7 @@ class OffPolicySettings:
             raise InvalidArgumentError("symmetrize_policy", True, "False, where symmetric is")
 
     def discount_at(self, env_steps: int) -> float:
-        """The discount after so many env steps of each seed."""
+        """Returns the discount after `env_steps` env steps."""
         if self.final_discount is None:
             return self.discount
         first, last = self.discount_schedule
@@ -77,12 +77,12 @@ class OffPolicySettings:
 
 
 class Algorithm(Protocol):
-    """Networks of several seeds and how they are updated.
+    """Protocol of algorithms: networks of several seeds and their updates.
 
     Attributes:
-        updates: how many there were.
-        sources: of the random numbers of updates.
-        period: after how many updates all that is done in some of them has been done.
+        updates: Number of updates so far.
+        sources: Random generators of updates.
+        period: Number of updates after which their schedule (actor, targets) repeats.
     """
 
     updates: int
@@ -90,13 +90,13 @@ class Algorithm(Protocol):
     period: int
 
     def act(self, observation: Tensor, *, explore: bool) -> Tensor:
-        """Actions (seeds, n, action) for observations (seeds, n, ...)."""
+        """Returns actions (seeds, n, action) for observations (seeds, n, ...)."""
 
     def begin(self, sample: Callable[[int], Batch]) -> None:
-        """Is told before the first update what draws a batch of so many env steps."""
+        """Prepares for the first update; `sample(n)` returns a batch of n env steps."""
 
     def update(self, batch: Batch) -> dict[str, Tensor]:
-        """Learns from a batch; returns losses (seeds,) by name."""
+        """Makes one update from a batch; returns losses (seeds,) by name."""
 
     def policy(self, seed: int) -> nn.Module:
         """As of `Learner`."""
@@ -109,11 +109,11 @@ class Algorithm(Protocol):
 
 
 class OffPolicy:
-    """A `Learner`.
+    """Off-policy learner: collects steps in a replay buffer and updates an algorithm from it.
 
     Attributes:
-        algorithm: what is updated.
-        replay: what it learns from.
+        algorithm: The algorithm.
+        replay: The replay buffer.
     """
 
     def __init__(
@@ -123,13 +123,13 @@ class OffPolicy:
         algorithm: Algorithm,
         replay: Callable[..., Replay] = Replay,
     ):
-        """Makes room for the replay.
+        """Allocates the replay buffer.
 
         Args:
-            settings: how much is learned from what.
-            problem: what is to be learned.
-            algorithm: what is updated.
-            replay: makes one of the arguments of `Replay`.
+            settings: Settings of off-policy learning.
+            problem: Learning problem.
+            algorithm: The algorithm.
+            replay: Creates the buffer from the arguments of `Replay`.
         """
         self._settings, self._problem, self.algorithm = settings, problem, algorithm
         self._symmetries = symmetries(problem.example()) if settings.symmetric else ()
@@ -150,11 +150,11 @@ class OffPolicy:
             valid = f"{algorithm.period} times a number: some updates differ from others"
             raise InvalidArgumentError("updates", settings.updates, valid)
         self._few = CudaGraph(self._update, [*self.replay.sources, *algorithm.sources])
-        self._seen = 0  # Env steps of each seed.
+        self._seen = 0  # Env steps of each seed so far.
 
     @property
     def updates(self) -> int:
-        """How many there were."""
+        """Number of updates so far."""
         return self.algorithm.updates
 
     def act(
@@ -169,7 +169,7 @@ class OffPolicy:
         return self.algorithm.act(observation, explore=True), None
 
     def _random(self, first: Tensor, before: Tensor | None) -> Tensor:
-        """Actions (seeds, n, action), some of which are those of the env step before."""
+        """Returns random actions (seeds, n, action), some repeated from the env step before."""
         number, lasting = first.shape[1], self._settings.action_hold
         fresh = any_actions(self._noise, number, self._problem.action)
         if lasting == 1 or before is None:
@@ -191,11 +191,11 @@ class OffPolicy:
             total = self.updates + self._settings.updates
             for _ in range(self._settings.updates // self.algorithm.period):
                 result = self._few()
-            self.algorithm.updates = total  # A graph does not count.
+            self.algorithm.updates = total  # A CUDA graph does not run Python code.
         return result
 
     def _update(self) -> dict[str, Tensor]:
-        """A period of updates."""
+        """Makes a period of updates; returns the last losses."""
         result: dict[str, Tensor] = {}
         for _ in range(self.algorithm.period):
             result |= self.algorithm.update(self.replay.sample(self._settings.batch))

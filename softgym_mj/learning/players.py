@@ -1,4 +1,4 @@
-"""`Players`: environments in which the best actions of a training's seeds are evaluated."""
+"""`Players`: the environments in which the policies of a training are evaluated."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -13,17 +13,17 @@ Act = Callable[[Any, Tensor, Any], tuple[Tensor, Any]]
 
 
 class Players:
-    """Environments by their number, made when they are first needed."""
+    """Evaluation environments, created when they are first needed."""
 
     def __init__(
         self, problem: Problem, make: Callable[[int], Any], env_actions: Callable[[Tensor], Any]
     ):
-        """Notes how environments are made.
+        """Sets how environments are created.
 
         Args:
-            problem: what is learned.
-            make: makes a number of environments, which reset only when they are told to.
-            env_actions: makes of actions (seeds, n, action) what environments take.
+            problem: Learning problem.
+            make: Creates a vector environment of a number of environments, without autoreset.
+            env_actions: Converts actions (seeds, n, action) to those of the vector environment.
         """
         self._problem, self._make, self._env_actions = problem, make, env_actions
         self._made: dict[int, Any] = {}
@@ -32,12 +32,12 @@ class Players:
         """Plays an episode of each variation with each seed.
 
         Args:
-            variations: indices.
-            act: gives actions (seeds, n, action), and what it remembers, of observations, whether
-                each is the first of an episode (seeds, n), and what it remembers.
+            variations: Indices of the variations.
+            act: Maps observations, whether each is the first of an episode (seeds, n), and its
+                memory to actions (seeds, n, action) and the next memory.
 
         Returns:
-            Numbers (seeds, variations) of the infos at the end, and the "return", by name.
+            Infos at the end of episodes, and the "return" (seeds, variations), by name.
         """
         seeds = len(self._problem.seeds)
         number = len(variations) * seeds

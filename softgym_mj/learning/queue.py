@@ -1,4 +1,4 @@
-"""Runs that are still to be made, in a file that is committed."""
+"""Queue of the runs behind the published results."""
 
 import dataclasses
 import json
@@ -22,18 +22,18 @@ from softgym_mj.vector.make import DEVICES
 @typed
 @dataclasses.dataclass(frozen=True)
 class QueuedRun:
-    """An entry of queue.toml.
+    """Entry of queue.toml.
 
     Attributes:
-        task, method, observation, preset, replay: as of `learning.results.Name`.
-        seeds: how many: 0..
-        why: what is to be shown.
-        settings: what --settings replaces; of a planner, options of `evaluate`.
-        teacher: of distill, a policy by its name in docs/results/policies.
-        env_steps: of a planner, that it makes for an episode.
-        episodes: held out, of the last evaluation.
-        device, learner_device: where it runs.
-        gpu_minutes, core_hours: estimates of what all seeds cost; one of them.
+        task, method, observation, preset, replay: Fields of `learning.results.Name`.
+        seeds: Number of seeds, 0..seeds - 1.
+        why: Purpose of the run.
+        settings: Values of --settings; options of `evaluate` for a planner.
+        teacher: Name of distill's teacher in docs/results/policies.
+        env_steps: Env steps that a planner simulates in an episode.
+        episodes: Number of held-out episodes of the last evaluation.
+        device, learner_device: Devices of the training.
+        gpu_minutes, core_hours: Estimated cost of all seeds; one of them.
     """
 
     task: str
@@ -71,18 +71,18 @@ class QueuedRun:
 
     @property
     def cost(self) -> str:
-        """The estimate, in words."""
+        """Estimated cost, in words."""
         minutes, hours = self.gpu_minutes, self.core_hours
         return f"{hours:g} core h" if minutes is None else f"{minutes:g} GPU min"
 
     @property
     def folder(self) -> str:
-        """Where `command` writes."""
+        """Output folder of `command`."""
         return shlex.split(self.command)[-1]
 
     @property
     def command(self) -> str:
-        """What runs it."""
+        """Command line of the run."""
         parts = [self.task, self.method, self.observation, self.preset, self.replay]
         where = ["--device", self.device, "--out", f"training/{'-'.join(parts)}"]
         if self.plans:
@@ -102,9 +102,9 @@ class QueuedRun:
         return shlex.join(map(str, ["softgym-mj", *own, *where]))
 
     def is_done(self, rows: Iterable[Row]) -> bool:
-        """Whether final rows of all its seeds are there, of as many held out episodes.
+        """Returns whether `rows` has final rows of all seeds with the same held-out episodes.
 
-        And of as many env steps, where it says how many or replaces settings: else the preset does.
+        Env steps are compared if the entry sets them or replaces settings of the preset.
         """
         replaced = "small" if self.plans else "custom"
         preset = self.preset if LABELED.issuperset(self.settings) else replaced
@@ -123,10 +123,10 @@ class QueuedRun:
 
 
 def read_queue(file: pathlib.Path) -> list[QueuedRun]:
-    """The runs of a queue.toml, in order.
+    """Returns the runs of a queue.toml, in order.
 
     Raises:
-        StoreError: for what is no such file; says which entry and which of its values.
+        StoreError: for an invalid file; the message names the entry and the value.
     """
     with naming(file, "read"):
         entries = tomllib.loads(read_whole(file).decode()).get("run", [])

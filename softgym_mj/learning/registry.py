@@ -1,8 +1,8 @@
-"""Methods by name: settings, and what makes a learner of them.
+"""Learning methods by name, their settings and presets.
 
-Each is a module of the folder `methods` with a dataclass of settings and a function `make(settings,
-problem)`, and a file of presets; or a function of another module, "module:function", the first
-argument of which has the dataclass as its annotation. That module may have `PRESETS`.
+A method is a module of the folder `methods` with a dataclass of settings, a function
+`make(settings, problem)` and a file of presets; or "module:function", a function of another module
+whose first argument is annotated with the dataclass. That module may have `PRESETS`.
 """
 
 import dataclasses
@@ -17,7 +17,7 @@ from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.learning.learner import Method
 from softgym_mj.learning.settings import TrainingSettings
 
-# Module and class of the settings.
+# Module and class of the settings, by name.
 METHODS = {
     "sac": ("sac", "StateSACSettings"),
     "sac_hindsight": ("hindsight", "HindsightSettings"),
@@ -34,7 +34,7 @@ METHODS = {
     "teacher_student": ("teacher_student", "TeacherStudentSettings"),
     "bc_images": ("bc_images", "BCImagesSettings"),
 }
-PRESETS = pathlib.Path(__file__).parent / "methods" / "presets"  # A file of each method.
+PRESETS = pathlib.Path(__file__).parent / "methods" / "presets"  # Folder with a file per method.
 _ROOM = "softgym_mj.learning.methods"
 LARGEST_LAYER, LARGEST_BATCH = 16_384, 1_000_000
 LABELED = {
@@ -42,18 +42,18 @@ LABELED = {
     "symmetric",
     "teacher",
     "privileged",
-}  # Settings that curves name beside the preset.
+}  # Settings that do not make a preset "custom": curves name them.
 
 
 def find_method(name: str, /, **settings: Any) -> Method:
-    """A method with settings of one's own.
+    """Returns a method with custom settings.
 
     Args:
-        name: one of `METHODS`, or "module:function".
-        **settings: of its dataclass.
+        name: One of `METHODS`, or "module:function".
+        **settings: Settings of the method's dataclass.
 
     Raises:
-        InvalidArgumentError: for a name that there is not, or a bad value.
+        InvalidArgumentError: for an unknown name or a bad value.
     """
     result = _find(name)
     made = result.settings(**settings)
@@ -62,7 +62,7 @@ def find_method(name: str, /, **settings: Any) -> Method:
 
 
 class _Found(NamedTuple):
-    """The class of a method's settings, what makes its learners, and its presets by name."""
+    """Class of a method's settings, function that creates its learners, and presets by name."""
 
     settings: type
     make: Callable[..., Any]
@@ -80,13 +80,13 @@ def _find(name: str) -> _Found:
 
 
 def _imported(name: str) -> _Found:
-    """A method of a module that is not of this package."""
+    """Returns a method of a module outside of this package."""
     module_name, function = name.split(":", 1)
     try:
         module = importlib.import_module(module_name)
         make = getattr(module, function)
         first = next(iter(inspect.signature(make, eval_str=True).parameters.values())).annotation
-    except Exception as error:  # Whatever the code of the module raises.
+    except Exception as error:  # The module's code may raise any error.
         raise InvalidArgumentError(
             f"method={name!r} cannot be imported: {type(error).__name__}: {error}"
         ) from error
@@ -104,20 +104,20 @@ def preset_names(name: str) -> list[str]:
 def find_preset(
     name: str, preset: str, task: str, /, **replaced: Any
 ) -> tuple[TrainingSettings, Method]:
-    """What a method learns, and how, by a preset of its file.
+    """Returns training settings and a method of a preset.
 
-    A preset may have settings of its own for a task, and for an observation that is not its first;
-    and it may replace some of another one, which it is `based_on`.
+    A preset can have settings for single tasks and observations, and can be `based_on` another
+    preset, some of whose settings it replaces.
 
     Args:
-        name: one of `METHODS`, or "module:function".
-        preset: of the method's file, such as "paper" or "fast"; of a module, a key of its `PRESETS`
-            or, where it has none, "fast", which replaces nothing.
-        task: its name.
-        **replaced: settings of the training or the method in place of the preset's.
+        name: One of `METHODS`, or "module:function".
+        preset: Preset of the method, such as "paper" or "fast"; of a module, a key of its `PRESETS`
+            or, if it has none, "fast" (the defaults).
+        task: Task name.
+        **replaced: Settings of the training or the method that replace the preset's.
 
     Raises:
-        InvalidArgumentError: for a name that there is not, or a bad value.
+        InvalidArgumentError: for an unknown name or a bad value.
     """
     method_class, _, presets = _find(name)
     layers = _layers(presets, preset, task, str(replaced.get("observation")))
@@ -140,7 +140,7 @@ def find_preset(
 
 
 def _check_sizes(settings: Any) -> None:
-    """Raises `InvalidArgumentError` for layers or batches that no network can have."""
+    """Raises `InvalidArgumentError` for layers or batches that are too large."""
     for field in dataclasses.fields(settings):
         value = getattr(settings, field.name)
         if field.type == tuple[int, ...]:
@@ -153,7 +153,7 @@ def _check_sizes(settings: Any) -> None:
 def _layers(
     presets: Mapping[str, Any], preset: str, task: str, observation: str
 ) -> list[dict[str, Any]]:
-    """Returns parts of presets, of which later ones replace settings of earlier ones."""
+    """Returns parts of presets in order; later ones override earlier ones."""
     check_name("preset", preset, presets)
     whole = presets[preset]
     base = _layers(presets, whole["based_on"], task, observation) if "based_on" in whole else []
@@ -166,5 +166,5 @@ def _own(preset: dict[str, Any], task: str) -> dict[str, Any]:
 
 
 def _tuples(value: Any) -> Any:
-    """Lists of TOML and JSON as settings have them."""
+    """Converts lists of TOML and JSON to tuples."""
     return tuple(map(_tuples, value)) if isinstance(value, list) else value

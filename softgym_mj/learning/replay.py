@@ -1,4 +1,4 @@
-"""`Replay`: what environments of several seeds have gone through, and batches of it."""
+"""`Replay`: a replay buffer of several seeds, and its batches."""
 
 import dataclasses
 import logging
@@ -14,19 +14,19 @@ from softgym_mj.learning.learner import Step
 from softgym_mj.learning.networks import drawn, generators, whole_numbers
 from softgym_mj.learning.symmetries import Symmetry
 
-# Env steps of each seed whose images go into a state, the newest ones: all of them are tens of GB.
+# Newest env steps of each seed whose images are in a state; all images are tens of gigabytes.
 NEWEST_IMAGES = 20_000
 _log = logging.getLogger(__name__)
 
 
 @dataclasses.dataclass(frozen=True)
 class Batch:
-    """Steps to learn from, (seeds, n, ...) each.
+    """Batch of n-step transitions, with arrays (seeds, n, ...).
 
     Attributes:
-        observation, action, next_observation: (seeds, n, ...).
-        reward: sums (seeds, n) up to the next observation, discounted.
-        discount: factor (seeds, n) to the value of the next observation: 0 where there is none.
+        observation, action, next_observation: Arrays (seeds, n, ...).
+        reward: Discounted sums of rewards (seeds, n) up to the next observation.
+        discount: Discount (seeds, n) of the next observation's value; 0 after a termination.
     """
 
     observation: Tensor
@@ -37,14 +37,14 @@ class Batch:
 
 
 class Replay:
-    """The newest env steps of environments that step together: (steps, seeds, num_envs, ...).
+    """Replay buffer of the newest vector steps: arrays (steps, seeds, num_envs, ...).
 
-    Each seed learns from environments of its own. Nothing in `sample` asks for a number of the
-    device, so that it can be part of one of CUDA's graphs.
+    Each seed has environments of its own. `sample` does not synchronize with the device, so it can
+    be part of a CUDA graph.
 
     Attributes:
-        size: how many vector steps there are.
-        discount: of rewards in each env step: a number on the device, which may change.
+        size: Number of vector steps.
+        discount: Discount per env step: a tensor on the device, which may change.
     """
 
     def __init__(
@@ -60,18 +60,18 @@ class Replay:
         symmetries: Sequence[Symmetry] = (),
         device: torch.device | str = "cpu",
     ):
-        """Makes room.
+        """Allocates the buffer.
 
         Args:
-            capacity: vector steps that are kept; older ones make way.
-            seeds: of random numbers.
-            num_envs: of each seed.
-            observation: shape; those of images are kept as uint8, others as float32.
-            action: size.
-            discount: of rewards, in each env step.
-            steps: env steps whose rewards are added up, until the episode ends.
-            symmetries: each step that is learned from is shown by one of them; none as it was.
-            device: where.
+            capacity: Maximum number of vector steps.
+            seeds: Seeds of the samples.
+            num_envs: Number of environments of each seed.
+            observation: Shape of an observation; images are stored as uint8, others as float32.
+            action: Size of an action.
+            discount: Discount per env step.
+            steps: Number of steps in n-step returns, which stop at the end of an episode.
+            symmetries: Symmetries of which a random one transforms each sampled step.
+            device: PyTorch device.
         """
         self._steps = check_count("steps", steps, 1, capacity)
         self._capacity, self.size, self._next = capacity, 0, 0
@@ -88,17 +88,17 @@ class Replay:
             "terminated": torch.zeros(lead, dtype=torch.bool, device=device),
             "ended": torch.zeros(lead, dtype=torch.bool, device=device),
         }
-        # How many vector steps there are, and which is the oldest: what `sample` reads.
+        # Number of vector steps and index of the oldest, which `sample` reads on the device.
         self._extent = torch.zeros(2, dtype=torch.int64, device=device)
         self._symmetries = signed_orders(symmetries, device) if symmetries else None
 
     @property
     def sources(self) -> list[torch.Generator]:
-        """Where the random numbers come from."""
+        """Random generators of samples, one per seed."""
         return self._sources
 
     def add(self, step: Step) -> None:
-        """Keeps a vector step."""
+        """Adds a vector step."""
         for name, array in self.arrays.items():
             array[self._next] = getattr(step, name).reshape(array.shape[1:]).to(array.dtype)
         self._next = (self._next + 1) % self._capacity
@@ -106,17 +106,17 @@ class Replay:
         self._note()
 
     def _note(self) -> None:
-        """Tells the device how many vector steps there are."""
+        """Copies the number of vector steps to the device."""
         self._extent[0].fill_(self.size)
         self._extent[1].fill_(self._next if self.size == self._capacity else 0)
 
     def sample(self, number: int) -> Batch:
-        """A batch of so many steps for each seed, drawn with equal chances.
+        """Samples `number` steps of each seed uniformly.
 
-        There must have been as many vector steps as are added up.
+        The buffer must have at least as many vector steps as n-step returns.
         """
         size, oldest = self._extent
-        # Each seed draws the same numbers whoever is beside it.
+        # The samples of a seed do not depend on the other seeds.
         shares = drawn(self._sources, 3, number, normal=False)
         first = whole_numbers(shares[:, 0], size - (self._steps - 1))
         batch = self._added_up(
@@ -129,10 +129,10 @@ class Replay:
         )
 
     def slices(self, number: int, length: int) -> Step:
-        """So many stretches of vector steps for each seed, (seeds, number, length, ...).
+        """Samples sequences of vector steps of each seed: (seeds, number, length, ...).
 
-        A stretch may go beyond the end of an episode, which `ended` tells. There must have been as
-        many vector steps as a stretch is long.
+        A sequence may cross the end of an episode, where `ended` is true. The buffer must have at
+        least `length` vector steps.
         """
         size, oldest = self._extent
         shares = drawn(self._sources, 2, number, normal=False)
@@ -143,21 +143,21 @@ class Replay:
         return Step(*(self.arrays[name][at, seed, env_index] for name in Step._fields))
 
     def _added_up(self, first: Tensor, env_index: Tensor) -> Batch:
-        """The batch that begins in these vector steps and environments (seeds, number)."""
+        """Returns the batch that starts at these vector steps and environments (seeds, number)."""
         seed = torch.arange(self._seeds, device=first.device)[:, None]
         arrays = self.arrays
         observation = arrays["observation"][first, seed, env_index]
         action = arrays["action"][first, seed, env_index]
         reward = torch.zeros(first.shape, device=first.device)
         factor = torch.ones((), device=first.device)
-        going = torch.ones_like(reward)  # Whether the episode still goes on.
+        going = torch.ones_like(reward)  # 1 until the episode ends, then 0.
         last, discount = first, torch.zeros_like(reward)
         for k in range(self._steps):
             at = (first + k) % self._capacity
             reward = reward + going * factor * arrays["reward"][at, seed, env_index]
             last = torch.where(going > 0, at, last)
             factor = factor * self.discount
-            # Of an episode that has come to its horizon the value goes on.
+            # Truncated episodes bootstrap from the value; only terminations end the return.
             lives = (~arrays["terminated"][at, seed, env_index]).float()
             discount = torch.where(going > 0, factor * lives, discount)
             going = going * (~arrays["ended"][at, seed, env_index]).float()
@@ -167,7 +167,7 @@ class Replay:
     # ------------------------------------------------------------------ state
 
     def get_state(self) -> dict[str, Any]:
-        """All that `set_state` needs to go on with the same numbers; of images the newest ones."""
+        """Returns the state from which `set_state` continues, with the newest images only."""
         number, following, which = self.size, self._next, slice(0, self.size)
         if self.arrays["observation"].dtype == torch.uint8:
             number = min(self.size, -(-NEWEST_IMAGES // self._num_envs))
@@ -183,7 +183,7 @@ class Replay:
         }
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Goes on from what `get_state` returned."""
+        """Restores a state of `get_state`."""
         self.size, self._next = state["size"], state["next"]
         if self.size < state["whole"]:
             _log.info("Continues with the newest %d of %d steps", self.size, state["whole"])
@@ -197,7 +197,7 @@ class Replay:
 def _shown(
     batch: Batch, which: Tensor, orders: Tensor, signs: Tensor, of_actions: Tensor, turns: Tensor
 ) -> Batch:
-    """Each step by the symmetry of a number (seeds, n), of these orders and signs."""
+    """Transforms each step by the symmetry of an index (seeds, n), given by orders and signs."""
 
     def turned(values: Tensor) -> Tensor:
         return values.gather(-1, orders[which]) * signs[which]

@@ -1,4 +1,4 @@
-"""Reports of a training's progress, made by a thread: one vector step may take minutes."""
+"""Progress reports of a training, by a thread: a vector step can take minutes."""
 
 import contextlib
 import threading
@@ -9,12 +9,12 @@ import numpy as np
 
 from softgym_mj.learning.training import Training
 
-LINE_SECONDS = 10.0  # Between two lines of a log.
+LINE_SECONDS = 10.0  # Interval of the lines of a log.
 
 
 @contextlib.contextmanager
 def repeated(function: Callable[[], None], seconds: float) -> Iterator[None]:
-    """Calls a function every so many seconds, in a thread, and once more at the end."""
+    """Calls a function periodically in a thread, and once more at the end."""
     is_over = threading.Event()
 
     def run() -> None:
@@ -42,7 +42,7 @@ def progress(training: Training) -> None:
 
 
 def summary(training: Training) -> str:
-    """Progress in a line: env steps, their rate, updates, time left and the last scores."""
+    """Returns a line with env steps, their rate, time left, updates and the last scores."""
     total, rate = training.settings.env_steps, training.covered / max(training.seconds, 1e-9)
     words = [f"{training.phase}: {training.covered:,} of {total:,} env steps"]
     if training.covered:
@@ -57,7 +57,7 @@ def summary(training: Training) -> str:
 
 
 def start(training: Training) -> None:
-    """Prints a line about the start of a training, whose checkpoint has been read."""
+    """Prints whether a training starts or continues from a checkpoint."""
     text = f"starts in {training.folder}"
     if training.covered:
         text = f"continues from {training.covered:,} env steps in {training.folder}"

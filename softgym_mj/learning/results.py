@@ -1,4 +1,4 @@
-"""Learned results: rows of curve files, all of them in one file, the table that people cite."""
+"""Published results: rows of curves, in one file."""
 
 import csv
 import dataclasses
@@ -21,11 +21,11 @@ from softgym_mj.storage.files import naming, read_whole, write_whole
 from softgym_mj.variations.indices import SPLITS
 
 _T = TypeVar("_T")
-_Parser = tuple[Callable[[str], Any], str]  # What makes a value of its text, and what is valid.
+_Parser = tuple[Callable[[str], Any], str]  # Parser of a value, and a description of valid text.
 
 
 class Name(NamedTuple):
-    """What is learned and how: trainings of the same name differ in their seeds alone."""
+    """Name of a result: trainings of the same name differ only in their seeds."""
 
     task: str
     method: str
@@ -36,19 +36,19 @@ class Name(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Row:
-    """An evaluation of a seed on a split.
+    """Evaluation of a seed on a split.
 
     Attributes:
-        task, method, observation, preset, replay: see `Name`.
-        seed: of the training.
-        env_steps: from which it has learned; of a planner, that it makes for an episode.
-        updates: by then.
-        seconds: by then, of all seeds that learn side by side, start-up and evaluations included;
-            None if they were not measured.
-        split: "train" or "evaluate", which is held out.
-        episodes: of the evaluation.
-        normalized_performance, success: their means at the end of episodes.
-        final: whether it is of the last checkpoint.
+        task, method, observation, preset, replay: Fields of `Name`.
+        seed: Seed of the training.
+        env_steps: Env steps of training; for a planner, those that it simulates in an episode.
+        updates: Updates so far.
+        seconds: Wall-clock time so far, of all seeds that are trained together, with start-up and
+            evaluations; None if not measured.
+        split: "train", or "evaluate" (held out).
+        episodes: Number of episodes of the evaluation.
+        normalized_performance, success: Means at the end of episodes.
+        final: Whether it belongs to the last checkpoint.
     """
 
     task: str
@@ -68,26 +68,27 @@ class Row:
 
     @property
     def name(self) -> Name:
-        """What was learned, and how."""
+        """Name of the result."""
         return Name(self.task, self.method, self.observation, self.preset, self.replay)
 
     @property
     def key(self) -> tuple:
-        """One evaluation has one row: what tells it from others."""
+        """Key that identifies the evaluation."""
         return *self.name, self.seed, self.env_steps, self.split
 
 
 @dataclasses.dataclass(frozen=True)
 class Reference:
-    """A score that others published.
+    """Score that others published.
 
     Attributes:
-        task, method, observation: in this package's words where it has any.
-        env_steps: from which it was learned; None if that is not said.
-        value: normalized performance.
-        bound: "is", or "below" where only an upper bound is known.
-        certainty: a "number" of the source, read off its "plot", or following from its "text".
-        source: who says so, where.
+        task, method, observation: This package's names if it has any.
+        env_steps: Env steps of training; None if unknown.
+        value: Normalized performance.
+        bound: "is", or "below" for an upper bound.
+        certainty: "number" stated by the source, value read from its "plot", or derived from its
+            "text".
+        source: Reference of the publication.
     """
 
     task: str
@@ -118,7 +119,7 @@ def _one_of(*names: str) -> _Parser:
 _WORD = _parser(
     str, "small letters, digits, _ + . -", re.compile("[a-z0-9][a-z0-9_+.-]*").fullmatch
 )
-# MODULE:FUNCTION as well.
+# Methods can also be MODULE:FUNCTION.
 _METHOD = _parser(
     str, "letters, digits, _ + . : -", re.compile("[A-Za-z0-9][A-Za-z0-9_+.:-]*").fullmatch
 )
@@ -141,7 +142,7 @@ _PARSERS: dict[str, _Parser] = {
 
 
 def _read(file: pathlib.Path, kind: type[_T]) -> list[_T]:
-    """A file of comma-separated values as objects of a dataclass, whose fields are its columns."""
+    """Reads a CSV file as objects of a dataclass, whose fields are the columns."""
     fields: Sequence[dataclasses.Field] = dataclasses.fields(kind)  # type: ignore[arg-type]
     columns, result = [field.name for field in fields], []
     with naming(file, "read"):
@@ -167,43 +168,43 @@ def _read(file: pathlib.Path, kind: type[_T]) -> list[_T]:
 
 
 def _cells(lines: Any) -> list[tuple[int, list[str]]]:
-    """The number of each line, and its cells."""
+    """Returns the number and the cells of each line."""
     try:
         return [(lines.line_num, cells) for cells in lines]
-    except csv.Error as error:  # A field above 131,072 characters.
+    except csv.Error as error:  # A field has more than 131,072 characters.
         raise ValueError(f"line {lines.line_num}: {error}") from error
 
 
 def read_rows(file: pathlib.Path) -> list[Row]:
-    """The rows of a curve of a training, or of many.
+    """Reads rows of a CSV file.
 
     Raises:
-        StoreError: for a file, a column or a value that is none, with its line; for two rows of
-            the same evaluation that differ.
+        StoreError: for an invalid file, column or value (with its line), or two different rows of
+            the same evaluation.
     """
     return merged(_read(file, Row))
 
 
 def read_references(file: pathlib.Path) -> list[Reference]:
-    """Scores of others; errors as of `read_rows`."""
+    """Reads published scores of others; errors are those of `read_rows`."""
     return _read(file, Reference)
 
 
 def read_folder(path: pathlib.Path) -> list[Row]:
-    """The rows of a training or of an evaluation of a planner: of its folder, CSV or JSON file.
+    """Reads the rows of a training or a planner's evaluation from a folder, CSV or JSON file.
 
     Raises:
-        StoreError: for what is neither; see `read_rows`.
+        StoreError: for other folders or files, or invalid rows.
     """
     file = path / FILE if (path / FILE).exists() else path
     return read_rows(file) if file.suffix == ".csv" else rows_of_planner(read_results([file])[0])
 
 
 def rows_of_planner(result: Mapping[str, Any]) -> list[Row]:
-    """The rows of an evaluation of a planner, one of each seed.
+    """Returns the rows of a planner's evaluation, one for each seed.
 
     The preset is "paper" with the paper's budget, iterations and horizon, a plan in every step and
-    the task's own settings; else "small".
+    the task's default settings, otherwise "small".
 
     Raises:
         StoreError: for another policy, or variations of both splits.
@@ -227,17 +228,16 @@ def rows_of_planner(result: Mapping[str, Any]) -> list[Row]:
 
 
 def planned_env_steps(result: Mapping[str, Any]) -> int:
-    """Env steps that a planner makes for an episode, from the result of its evaluation."""
+    """Returns the env steps that a planner simulates in an episode, from its evaluation result."""
     planning, steps = result["planning"], TASKS[result["task"]].horizon
     return -(-steps // planning["replan_every"]) * planning["budget"]
 
 
 def merged(*several: Iterable[Row]) -> list[Row]:
-    """All rows, by their keys; the same one twice counts once.
+    """Returns all rows, sorted by key, without duplicates.
 
     Raises:
-        StoreError: for two rows of the same evaluation that differ: what is published is not
-            replaced in passing.
+        StoreError: for two different rows of the same evaluation: published rows are not replaced.
     """
     result: dict[tuple, Row] = {}
     for row in (row for rows in several for row in rows):
@@ -248,14 +248,14 @@ def merged(*several: Iterable[Row]) -> list[Row]:
 
 
 def write_rows(rows: Iterable[Row], file: pathlib.Path) -> None:
-    """Writes what `read_rows` reads."""
+    """Writes rows to a CSV file for `read_rows`."""
     write_csv([{**vars(row), "final": int(row.final)} for row in rows], COLUMNS, file)
 
 
 def write_csv(
     table: Iterable[Mapping[str, Any]], columns: Sequence[str], file: pathlib.Path
 ) -> None:
-    """Writes comma-separated values with a header; nothing for None."""
+    """Writes a CSV file with a header; None becomes an empty cell."""
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, columns, lineterminator="\n")
     writer.writeheader()

@@ -1,4 +1,4 @@
-"""`TrainingSettings`: what is learned, whatever the method."""
+"""`TrainingSettings`: settings of a training that do not depend on the method."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ from softgym_mj.validation import typed
 from softgym_mj.variations.indices import SPLITS
 
 OBSERVATIONS = ("reduced", "markov", "full", "rgb")
-# Arguments of a task that trainings set themselves, and by which of their settings.
+# Arguments of a task that trainings set, by the setting that sets them.
 _OWN = {
     "observation": "observation", "image_size": "image_size", "horizon": "episode_steps",
     "split": "none: they learn from the training split",
@@ -21,31 +21,30 @@ _OWN = {
 @typed
 @dataclasses.dataclass(frozen=True)
 class TrainingSettings:
-    """What is learned, and from how much.
+    """Settings of a training; numbers of env steps and environments are per seed.
 
     Attributes:
-        task: its name.
-        observation: what the policy observes: one of `OBSERVATIONS`, or names of several
-            observations of the task, for methods that take them.
-        image_size: height and width of images [pixels].
-        env_steps: of each seed, in all.
-        num_envs: environments of each seed.
-        reward_scale: factor to rewards.
-        part: env steps of each seed between two checkpoints.
-        evaluate_every: parts from an evaluation to the next; the last one is evaluated, too.
-        episodes: of each split in an evaluation.
-        final_episodes: of each split in the last one.
-        fidelity: of the task.
-        episode_steps: env steps of an episode; None for the task's own.
-        learned_steps: env steps after which an episode that is learned from is left for another
-            one, while its value goes on; None for all of it. Evaluations play all of it.
-        actor: of the task.
-        arguments: further keyword arguments of the task, such as domain, action, action_repeat,
-            fidelity or actor; evaluations have them as well.
+        task: Task name.
+        observation: Observation of the policy: one of `OBSERVATIONS`, or, for methods that support
+            it, names of several observations.
+        image_size: Height and width of images [pixels].
+        env_steps: Total number of env steps.
+        num_envs: Number of environments.
+        reward_scale: Factor of rewards.
+        part: Env steps of a part, which ends with a checkpoint.
+        evaluate_every: Parts between two evaluations; the last part is always evaluated.
+        episodes: Episodes of each split in an evaluation.
+        final_episodes: Episodes of each split in the last evaluation.
+        fidelity: Fidelity of the task.
+        episode_steps: Env steps of an episode; None for the task's.
+        learned_steps: Env steps after which training episodes are truncated; None for none.
+            Evaluations always run the full horizon.
+        actor: Actor of the task.
+        arguments: Further keyword arguments of the task, also for evaluations.
 
     Raises:
-        InvalidArgumentError: for numbers out of range, or an argument that has a setting above.
-        UnexpectedArgumentError: for an argument that the task does not have.
+        InvalidArgumentError: for a value out of range, or an argument that is a setting above.
+        UnexpectedArgumentError: for an unknown argument of the task.
     """
 
     task: str
@@ -91,19 +90,19 @@ class TrainingSettings:
 
     @property
     def observations(self) -> tuple[str, ...]:
-        """Names of what the policy observes."""
+        """Names of the policy's observations."""
         return (self.observation,) if isinstance(self.observation, str) else self.observation
 
     @property
     def observed(self) -> dict[str, Any]:
-        """What the policy observes, as arguments of the task."""
+        """Arguments of the task that set the observation of the policy."""
         sized = {"image_size": self.image_size} if has_images(self.observations) else {}
         several = [*self.observations] if len(self.observations) > 1 else self.observations[0]
         return {"observation": several, **sized}
 
     @property
     def parts(self) -> int:
-        """How many there are."""
+        """Number of parts."""
         return self.env_steps // self.part
 
     @property

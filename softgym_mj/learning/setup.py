@@ -1,4 +1,4 @@
-"""`TrainingSetup`: what a training consists of, and its description."""
+"""`TrainingSetup`: the parts of a training, and its card."""
 
 import dataclasses
 import pathlib
@@ -20,19 +20,18 @@ from softgym_mj.learning.settings import TrainingSettings
 
 @dataclasses.dataclass
 class TrainingSetup:
-    """Environments, players and learner of a training in a folder, and how far it is.
+    """Environments, players, learner and progress of a training in a folder.
 
     Attributes:
-        settings, method: what, and how.
-        seeds: of trainings that go side by side.
-        folder: where it is kept.
-        device: of the environments: "cpu", "host" or "cuda".
-        learner_device: of the networks: "cpu" or "cuda"; None for the environments' own.
-        rows: the curve so far: by `curves.COLUMNS`, one of each evaluation, seed and split.
-        done: parts so far.
-        learner: what learns.
-        phase: what it does: "starts", "starts a part", "repeats a part", "learns", "evaluates" or
-            "ended".
+        settings, method: Settings of the training, and the method.
+        seeds: Seeds that are trained together.
+        folder: Folder of checkpoints and results.
+        device: Device of the environments: "cpu", "host" or "cuda".
+        learner_device: Device of the networks: "cpu" or "cuda"; None for that of the environments.
+        rows: Curve so far: entries by `curves.COLUMNS` of each evaluation, seed and split.
+        done: Number of finished parts.
+        learner: The learner.
+        phase: "starts", "starts a part", "repeats a part", "learns", "evaluates" or "ended".
     """
 
     settings: TrainingSettings
@@ -48,9 +47,9 @@ class TrainingSetup:
 
     def __post_init__(self):
         settings = self.settings
-        self._begun, self._before = time.perf_counter(), 0.0  # Seconds: now, and of those before.
-        # Vector steps of the part so far, their actions (seeds, num_envs, n), and what the learner
-        # remembers of the episodes.
+        self._begun, self._before = time.perf_counter(), 0.0  # Start; seconds of earlier sessions.
+        # Vector steps of the part so far, their actions (seeds, num_envs, n), and the learner's
+        # memory.
         self._step, self._actions, self._memory = 0, list[Tensor](), None
         own = "cuda" if self.device == "cuda" else "cpu"
         if self.learner_device == "cuda" and not torch.cuda.is_available():
@@ -70,7 +69,7 @@ class TrainingSetup:
             self.learner = self.method.make(self.method.settings, self._problem)
         except SoftGymError:
             raise
-        except (RuntimeError, MemoryError) as error:  # PyTorch has no memory for such sizes.
+        except (RuntimeError, MemoryError) as error:  # PyTorch runs out of memory.
             raise InvalidArgumentError(
                 f"the networks or the replay of {self.method.name} cannot be made with these "
                 f"settings: {error}"
@@ -86,25 +85,25 @@ class TrainingSetup:
 
     @property
     def covered(self) -> int:
-        """Env steps of each seed so far, of `settings.env_steps`."""
+        """Number of env steps of each seed so far, out of `settings.env_steps`."""
         return self.done * self.settings.part + self._step * self.settings.num_envs
 
     @property
     def seconds(self) -> float:
-        """All that it took so far: start-up and evaluations, too."""
+        """Wall-clock time so far [s], with start-up and evaluations."""
         return self._before + time.perf_counter() - self._begun
 
     @property
     def env_steps(self) -> int:
-        """Env steps of each seed that were learned from so far."""
+        """Number of env steps of each seed in the training data so far."""
         if isinstance(self.learner, Offline):
             return self.learner.demonstrated
         return self.covered
 
     def evaluations(self) -> list[int]:
-        """Env steps of each seed at which a whole curve has its points."""
+        """Returns the env steps of each seed at which a complete curve has points."""
         settings = self.settings
-        # Curves are over env steps: one that makes none has one point.
+        # Offline learners make no env steps, so their curves have one point.
         if isinstance(self.learner, Offline):
             return [self.env_steps]
         apart = settings.part * settings.evaluate_every
@@ -119,7 +118,7 @@ class TrainingSetup:
         }
 
     def card(self) -> dict[str, Any]:
-        """What one who finds the checkpoint has to know of it; JSON."""
+        """Returns the card of the training as JSON: settings, versions and last scores."""
         on = self._problem.device
         return {
             **self._owner(),

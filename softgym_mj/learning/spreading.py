@@ -1,4 +1,4 @@
-"""Seeds of a training in processes, or on machines, of their own."""
+"""Trains each seed in a process, or on a machine, of its own."""
 
 import pathlib
 from collections.abc import Callable, Sequence
@@ -13,7 +13,7 @@ from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.training import Training
 from softgym_mj.parallel.executors import Executor
 
-Row = dict[str, Any]  # Of a curve.
+Row = dict[str, Any]  # Row of a curve.
 
 
 def train_each(
@@ -26,17 +26,17 @@ def train_each(
     executor: Executor,
     progress: Callable[[int, list[Row]], None] = lambda seed, rows: None,
 ) -> list[Row]:
-    """Trains each seed by a call of its own, which prints a line a minute.
+    """Trains each seed in a call of its own, which prints a line per minute.
 
-    A call that was killed continues from its last checkpoint.
+    A killed call continues from its last checkpoint.
 
     Args:
-        settings, method, device, learner_device: as of `Training`.
-        seeds: of the trainings.
-        folder: of all: each has one in it, which machines of a cluster have to share; the curve of
-            those that have ended is in it.
-        executor: what makes the calls.
-        progress: called with a seed that has ended, and its curve.
+        settings, method, device, learner_device: Arguments of `Training`.
+        seeds: Seeds of the trainings.
+        folder: Folder with a folder for each seed and the curve of finished seeds; machines of a
+            cluster must share it.
+        executor: Executor of the calls.
+        progress: Called with each finished seed and its curve.
 
     Returns:
         The curve of all seeds.

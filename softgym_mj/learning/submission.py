@@ -1,7 +1,7 @@
-"""Scores of policies that other code has learned: `softgym-mj learning submit`.
+"""Scores policies that were trained by other code: `softgym-mj learning submit`.
 
-The folder has card.json and the exported policy of each seed; docs/results.md describes them. The
-curve that it may have keeps its earlier rows: the final ones are of what is evaluated here.
+The folder has card.json and the exported policy of each seed; docs/results.md describes them. An
+existing curve keeps its earlier rows; final rows come from the evaluation here.
 """
 
 import dataclasses
@@ -20,7 +20,7 @@ from softgym_mj.policies.exported import has_images
 from softgym_mj.storage.files import read_json
 from softgym_mj.variations.indices import SPLITS
 
-EVALUATION = "evaluation"  # In the folder: episodes as they come.
+EVALUATION = "evaluation"  # Folder of finished episodes.
 _TRAINING = "task", "observation"
 _VALID = {
     "method": (str, "a name"), "preset": (str, "a name"), "updates": (int, "a whole number"),
@@ -31,14 +31,14 @@ _VALID = {
 
 @dataclasses.dataclass(frozen=True)
 class Submission:
-    """A folder whose policies are to be evaluated.
+    """Folder of policies to be evaluated.
 
     Attributes:
-        folder: of card.json and the policies.
-        name: of the rows.
-        seeds: of the policies.
-        env_steps, updates, seconds: of each seed; seconds of all that learn side by side.
-        configuration: 200 held-out variations, and as many of training.
+        folder: Folder with card.json and the policies.
+        name: Name of the result.
+        seeds: Seeds of the policies.
+        env_steps, updates, seconds: Training of each seed; seconds of seeds trained together.
+        configuration: Evaluation of 200 held-out and 200 training variations.
     """
 
     folder: pathlib.Path
@@ -51,7 +51,7 @@ class Submission:
 
 
 def variations() -> dict[str, range]:
-    """Returns all held-out variations, and as many of training."""
+    """Returns all held-out variations and as many training variations, by split."""
     return evaluated(len(SPLITS["evaluate"]))
 
 
@@ -59,9 +59,9 @@ def read_submission(folder: pathlib.Path) -> Submission:
     """Reads the card of a folder.
 
     Raises:
-        StoreError: for a card that is missing or lacks something, which is named; for a policy
-            without a file.
-        InvalidArgumentError: for an unknown task; for a policy that observes something else.
+        StoreError: for a missing or incomplete card (the message names the entry), or a missing
+            policy file.
+        InvalidArgumentError: for an unknown task, or a policy with another observation.
     """
     card, file = read_json(folder / CARD), folder / CARD
     for key, (kind, valid) in _VALID.items():
@@ -104,17 +104,17 @@ def submit(
     trust: bool = False,
     device: str = "cpu",
 ) -> list[Row]:
-    """Evaluates the policies and writes curve.csv and episodes.csv; may be killed and run again.
+    """Evaluates the policies and writes curve.csv and episodes.csv; continues interrupted runs.
 
     Args:
-        submission: which.
-        executor, progress, trust, device: as in `evaluation.evaluate`.
+        submission: Policies to evaluate.
+        executor, progress, trust, device: Arguments of `evaluation.evaluate`.
 
     Returns:
         The final rows.
 
     Raises:
-        StoreError: for a curve with a later row; as in `evaluation.evaluate`.
+        StoreError: for a curve with later rows, or as in `evaluation.evaluate`.
     """
     folder = submission.folder
     earlier = _earlier(submission)
@@ -145,13 +145,13 @@ def submit(
 
 
 def _settings(training: Mapping[str, Any], seen: str | Sequence[str]) -> dict[str, Any]:
-    """Arguments of the task."""
+    """Returns arguments of the task."""
     names = ["actor", *["image_size"] * has_images(seen)]
     return {"observation": seen, **{each: training[each] for each in names if training.get(each)}}
 
 
 def _earlier(submission: Submission) -> list[Row]:
-    """Rows of the folder's curve before the last evaluation."""
+    """Returns rows of the folder's curve before the last evaluation."""
     file = submission.folder / FILE
     rows = read_rows(file) if file.exists() else []
     if later := [row for row in rows if row.env_steps > submission.env_steps]:

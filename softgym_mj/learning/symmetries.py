@@ -1,8 +1,7 @@
-"""Symmetries of tasks: ways to show the same step of an episode in another place, order or mirror.
+"""Symmetries of tasks: transformations of env steps that leave rewards and dynamics unchanged.
 
-A task that is turned, mirrored, seen from the rope's other end or with its pickers exchanged is the
-same task: what has been seen once has been seen as many times. Which turns and orders leave it as
-it is the task says: `Task.symmetries`.
+They rotate or reflect a task, reverse a rope or exchange pickers, and multiply the data of a
+replay. `Task.symmetries` lists those of a task.
 """
 
 import itertools
@@ -18,13 +17,13 @@ from softgym_mj.tasks.shared.entries import Entries
 
 
 class Symmetry(NamedTuple):
-    """One that leaves rewards and dynamics as they are.
+    """Symmetry of a task.
 
     Attributes:
-        observation: (n, n) by which `reduced`, or `markov`, is multiplied, as a column.
-        action: (m, m) by which actions are.
-        turn, order: as of `tasks.shared.symmetry.Turned`.
-        pickers: their order.
+        observation: Matrix (n, n) of the observation `reduced` or `markov`.
+        action: Matrix (m, m) of actions.
+        turn, order: Fields of `tasks.shared.symmetry.Turned`.
+        pickers: Order of the pickers.
     """
 
     observation: np.ndarray
@@ -34,20 +33,20 @@ class Symmetry(NamedTuple):
     pickers: tuple[int, ...]
 
 
-# Of the corners of a cloth: (0, 0), (last, 0), (0, last), (last, last) by row and column.
+# Order of a cloth's corners by (row, column): (0, 0), (last, 0), (0, last), (last, last).
 _CORNERS = {
     "same": (0, 1, 2, 3), "rows": (1, 0, 3, 2), "columns": (2, 3, 0, 1), "both": (3, 2, 1, 0),
 }  # fmt: skip
 
 
 def symmetries(env: Environment) -> list[Symmetry]:
-    """Those of a task with pickers, of its reduced observations; the first one changes nothing.
+    """Returns the symmetries of a task with pickers; the first one is the identity.
 
     Args:
-        env: plays the task; after a reset. They are of `markov` if that is what it observes.
+        env: Environment of the task after a reset; its observation is reduced or markov.
 
     Raises:
-        InvalidArgumentError: for a task or an actor that has none.
+        InvalidArgumentError: for a task or an actor without symmetries.
     """
     task = env.task
     if not task.symmetries:
@@ -64,7 +63,7 @@ def symmetries(env: Environment) -> list[Symmetry]:
         result = _of_observation(entries, turn, order, pickers)
         if not remembers:
             return result
-        # Of each picker whether it holds something, and where that is from it.
+        # For each picker: whether it holds a vertex, and its offset to that vertex.
         return block_diag(result, _blocks([block_diag(1.0, turn)] * number, pickers))
 
     return [
@@ -80,8 +79,8 @@ def symmetries(env: Environment) -> list[Symmetry]:
 def _of_observation(
     entries: Entries, turn: np.ndarray, order: str, pickers: Sequence[int]
 ) -> np.ndarray:
-    """A matrix (n, n): of the numbers of these entries, then of the pickers' places."""
-    places: list[int] = []  # Which point comes where.
+    """Returns the matrix (n, n) of these entries and the pickers' positions."""
+    places: list[int] = []  # New order of the points.
     each = [*entries.items()]
     own = [i for i, (_, entry) in enumerate(each) if entry.role == "object"]
     starts = np.cumsum([0, *(np.size(entry.values) // 3 for _, entry in each)]).tolist()
@@ -102,7 +101,7 @@ def _of_observation(
 
 
 def _blocks(parts: Sequence[np.ndarray], order: Sequence[int]) -> np.ndarray:
-    """Blocks (k, k) of a matrix (n k, n k): part i is that of row i and column order[i]."""
+    """Returns a matrix (n k, n k) with block i (k, k) at row i and column order[i]."""
     size = len(parts[0])
     result = np.zeros((len(parts) * size,) * 2)
     for i, (part, k) in enumerate(zip(parts, order, strict=True)):

@@ -1,4 +1,4 @@
-"""Tables of learned results: numbers of each name over its seeds, beside what others published."""
+"""Tables of learned results: statistics over seeds, with published scores of others."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -8,23 +8,22 @@ import numpy as np
 from softgym_mj.evaluation.statistics import summary
 from softgym_mj.learning.results import Reference, Row
 
-# Numbers of a table that one seed has not: it says nothing of others.
+# Statistics that need several seeds.
 _SPREAD = "percentile_25", "percentile_75", "mean_low", "mean_high", "iqm_low", "iqm_high"
 
 
 def table(rows: Iterable[Row], references: Sequence[Reference] = ()) -> list[dict[str, Any]]:
-    """The numbers of each name and number of env steps, of the last checkpoints on held out ones.
+    """Returns statistics of final held-out scores for each name and number of env steps.
 
     Args:
-        rows: of all evaluations.
-        references: scores of others.
+        rows: Rows of all evaluations.
+        references: Scores of others.
 
     Returns:
-        The fields of `Name`; `seeds`: how many; `env_steps`; `updates`, `minutes`, `episodes` and
-        `gap` (train minus held out): medians over seeds; numbers of `statistics.summary`, of the
-        seeds' means: intervals are of resampled seeds; `published`: what others have of that task,
-        method and observation, at the number of env steps next to this one. None where unknown,
-        as quartiles and intervals of one seed are.
+        Fields of `Name`; number of `seeds`; `env_steps`; medians of `updates`, `minutes`,
+        `episodes` and `gap` (train minus held-out); `statistics.summary` of the seeds' means;
+        `published`, the score of others for the same task, method and observation at the nearest
+        number of env steps. Unknown values, such as quartiles of one seed, are None.
     """
     result: dict[tuple, dict[str, list[Row]]] = {}
     for row in (row for row in rows if row.final):

@@ -1,9 +1,9 @@
-"""`Training`: policies of several seeds learn a task side by side, by any method.
+"""`Training`: trains policies of several seeds together, by any method.
 
-A training goes in parts. Environments begin anew at the start of a part, from seeds of the part's
-own. Checkpoints are written at the end of each part and, by the clock, within one: those have the
-actions of the part so far, which environments repeat when the training continues. So a training
-that was killed ends with the same numbers, wherever its checkpoints were.
+A training is divided into parts, at whose start environments reset with seeds of the part. A
+checkpoint is written at the end of each part, and periodically within one. The latter includes the
+actions of the part so far, which are repeated when the training continues, so that an interrupted
+training gives exactly the same result.
 """
 
 import functools
@@ -39,8 +39,8 @@ from softgym_mj.learning.setup import TrainingSetup
 from softgym_mj.policies.exported import export_policy
 from softgym_mj.storage.files import write_json, write_whole
 
-# Between two checkpoints within a part; and as a multiple of the seconds that writing one takes, as
-# those of images have gigabytes.
+# Minimum interval of checkpoints within a part [s], also as a multiple of the time to write one:
+# checkpoints of images have gigabytes.
 KEEP_SECONDS, KEEP_RATIO = 60.0, 50.0
 
 
@@ -52,7 +52,7 @@ class Training(TrainingSetup):
 
     def __post_init__(self):
         super().__post_init__()
-        self._due = time.monotonic() + KEEP_SECONDS  # Of the next checkpoint within a part.
+        self._due = time.monotonic() + KEEP_SECONDS  # Time of the next checkpoint within a part.
 
     # ------------------------------------------------------------------ learning
 
@@ -65,23 +65,23 @@ class Training(TrainingSetup):
         """Trains to the end, from the last checkpoint if there is one.
 
         Args:
-            progress: called after each part, with losses (seeds,) and the like by name; and the
-                mean score of episodes that ended since the last call, as they are explored.
-            on_start: called when the last checkpoint, if there is one, has been read.
-            points: how many times a whole training calls `progress` beside.
+            progress: Called after each part with the training, losses and other metrics (seeds,) by
+                name, and the mean score of exploration episodes since the last call.
+            on_start: Called after the last checkpoint, if any, has been read.
+            points: Number of further calls of `progress` in a whole training.
 
         Raises:
-            StoreError: if the folder has a training of other settings, one that runs, or a
+            StoreError: if the folder has a training of other settings, a running training or a
                 damaged checkpoint.
         """
-        torch.set_float32_matmul_precision("high")  # TF32 on a GPU; a processor's bits stay.
+        torch.set_float32_matmul_precision("high")  # TF32 on a GPU; no effect on a CPU.
         with alone(self.folder):
             self._restore()
             on_start(self)
             self._catch_up()
             while self.done < self.settings.parts:
                 news = self._learn(functools.partial(progress, self), points)
-                self._keep()  # Before an evaluation, which may fail.
+                self._keep()  # The following evaluation may fail.
                 self._catch_up()
                 progress(self, self._told_of(news))
             self._export()
@@ -90,7 +90,7 @@ class Training(TrainingSetup):
         self._players.close()
 
     def _catch_up(self) -> None:
-        """Evaluates at the end of a part if that is due, unless it has been done."""
+        """Evaluates at the end of a part if an evaluation is due and missing."""
         is_last = self.done == self.settings.parts
         is_early = isinstance(self.learner, Offline) and not is_last
         if self._step or is_early or self.env_steps not in self.evaluations():
@@ -102,7 +102,7 @@ class Training(TrainingSetup):
     def _learn(
         self, progress: Callable[[dict], None] = lambda news: None, points: int = 0
     ) -> dict[str, Tensor]:
-        """Learns to the end of a part; returns the last losses and the like."""
+        """Trains to the end of a part; returns the last losses and other metrics."""
         settings, news = self.settings, dict[str, Tensor]()
         steps, is_offline = settings.part // settings.num_envs, isinstance(self.learner, Offline)
         self.phase = "starts a part"
@@ -113,7 +113,7 @@ class Training(TrainingSetup):
             observation, first = self._explorer.begin(self.done, self._actions)
         self.phase = "learns"
         while self._step < steps:
-            if isinstance(self.learner, Offline):  # As often as others step their environments.
+            if isinstance(self.learner, Offline):  # One update in place of a vector step.
                 news = self.learner.update_offline()
             else:
                 action, self._memory = self.learner.act(
@@ -140,7 +140,7 @@ class Training(TrainingSetup):
     # ------------------------------------------------------------------ evaluation
 
     def _evaluate(self, *, final: bool) -> None:
-        """Plays as many variations of either split with the best actions, in the end 200."""
+        """Evaluates the policies on variations of both splits; `final` evaluations have more."""
         self.phase = "evaluates"
         settings = self.settings
         chosen = evaluated(settings.final_episodes if final else settings.episodes)
@@ -164,7 +164,7 @@ class Training(TrainingSetup):
         """Plays an episode of each variation with the best actions of each seed.
 
         Returns:
-            Numbers (seeds, variations) of the infos at the end, by name.
+            Infos (seeds, variations) at the end of episodes, by name.
         """
         act = functools.partial(self.learner.act, explore=False)
         return self._players.play(variations, act)
@@ -172,7 +172,7 @@ class Training(TrainingSetup):
     # ------------------------------------------------------------------ checkpoints
 
     def _keep(self) -> None:
-        """Writes checkpoint, card and curve: each whole or not at all."""
+        """Writes checkpoint, card and curve, each atomically."""
         start = time.monotonic()
         part = {"steps": self._step, "memory": moved(self._memory, "cpu")}
         if self._actions:
@@ -194,7 +194,7 @@ class Training(TrainingSetup):
         for k, seed in enumerate(self.seeds):
             try:
                 module = self.learner.policy(k)
-            except InvalidArgumentError:  # Of those that remember no file can be made.
+            except InvalidArgumentError:  # Policies with memory cannot be exported.
                 return
             frames = getattr(module, "frames", 1)
             seen = {name: several[name] for name in names}
@@ -202,7 +202,7 @@ class Training(TrainingSetup):
             write_whole(self.folder / POLICY.format(seed=seed), saved)
 
     def _restore(self) -> None:
-        """Goes back to the last checkpoint, if there is one."""
+        """Restores the last checkpoint, if there is one."""
         state = read_checkpoint(self.folder)
         if state is None:
             return
@@ -215,7 +215,7 @@ class Training(TrainingSetup):
         try:
             self.learner.set_state(state["learner"])
             self.rows, self.done = state["rows"], state["done"]
-            if longer is not state["owner"]:  # What was the end is a point of the curve, if any.
+            if longer is not state["owner"]:  # The former end becomes a point of the curve, if any.
                 points = {*self.evaluations()}
                 self.rows = [row | {"final": 0} for row in self.rows if row["env_steps"] in points]
             self._step, self._memory = part["steps"], moved(part["memory"], device)

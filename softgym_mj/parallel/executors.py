@@ -1,7 +1,7 @@
-"""Where independent calls are computed: here, in processes of this machine, or on a Ray cluster.
+"""Executors of independent calls: this process, worker processes, or a Ray cluster.
 
-Whatever the executor, every call is made with the same arguments and its result is used once: a
-worker that is lost has its calls made again by another.
+The results do not depend on the executor. If a worker is lost, another one repeats its calls; each
+result is used once.
 """
 
 import abc
@@ -20,16 +20,16 @@ from typing import Any
 from softgym_mj.exceptions import SimulationError, check_count, import_extra
 from softgym_mj.parallel.scripts import unknown_main
 
-MOST_PROCESSES = 512  # Each takes a tenth of a GiB.
+MOST_PROCESSES = 512  # Each needs about 0.1 GiB.
 _HAS_MASKS = hasattr(signal, "pthread_sigmask")
-MAX_LOSSES = 3  # Pools lost in a row without a single result: then the call itself is to blame.
+MAX_LOSSES = 3  # Pools lost in a row without a result; after that the call itself is the cause.
 
 
 class Executor(contextlib.AbstractContextManager["Executor"]):
-    """Makes calls side by side; a context manager.
+    """Computes calls in parallel; a context manager that closes its workers.
 
     Attributes:
-        number: how many calls can be made at the same time.
+        number: Number of calls that run at the same time.
     """
 
     number: int
@@ -38,33 +38,33 @@ class Executor(contextlib.AbstractContextManager["Executor"]):
     def results(
         self, function: Callable, calls: Sequence[tuple[Any, ...]]
     ) -> Iterator[tuple[int, Any]]:
-        """Makes calls; yields (index, result) of each as soon as it is there.
+        """Computes calls; yields (index, result) of each as soon as it is finished.
 
-        The error of a call comes when the calls that had begun are finished and yielded.
+        An error of a call is raised after the calls that had started are finished and yielded.
 
         Args:
-            function: of a module, so that other processes find it.
-            calls: positional arguments of each call, picklable.
+            function: Function of a module, so that other processes can import it.
+            calls: Positional arguments of each call, picklable.
 
         Raises:
-            SimulationError: if workers are lost again and again.
+            SimulationError: if workers are lost repeatedly.
         """
 
     def all(self, function: Callable, calls: Sequence[tuple[Any, ...]]) -> list[Any]:
-        """The results of calls, in their order."""
+        """Returns the results of calls, in their order."""
         result = dict(self.results(function, calls))
         return [result[index] for index in range(len(calls))]
 
     @abc.abstractmethod
     def close(self) -> None:
-        """Ends its workers; calls that run are finished."""
+        """Stops the workers after their current calls."""
 
     def __exit__(self, *error):
         self.close()
 
 
 class SerialExecutor(Executor):
-    """One call after the other, in this thread."""
+    """Executor that computes one call after the other in this thread."""
 
     number = 1
 
@@ -77,12 +77,12 @@ class SerialExecutor(Executor):
 
 
 class Together(Executor):
-    """Makes many calls by one: a function of a list of calls returns their results."""
+    """Executor of a batched function, which maps a list of calls to the list of their results."""
 
     number = 1
 
     def __init__(self, most: int):
-        """Makes at most so many calls at once: what is done is kept after each."""
+        """Sets the maximum number of calls in a batch."""
         self._most = most
 
     def results(self, function, calls):
@@ -94,10 +94,10 @@ class Together(Executor):
 
 
 class ProcessExecutor(Executor):
-    """Processes on this machine. They end with their parent, even if it is killed."""
+    """Executor with worker processes, which end with their parent, even if it is killed."""
 
     def __init__(self, number: int):
-        """Starts `number` processes, 1..`MOST_PROCESSES`, when they are first needed."""
+        """Sets the number of processes, 1..`MOST_PROCESSES`; they start with the first call."""
         self.number = check_count("jobs", number, 1, MOST_PROCESSES)
         self._pool: concurrent.futures.ProcessPoolExecutor | None = None
 
@@ -115,13 +115,13 @@ class ProcessExecutor(Executor):
                 if losses == MAX_LOSSES:
                     raise SimulationError(
                         f"{losses} times in a row a worker process ended before its first result "
-                        "(killed, or out of memory?); what was finished is kept"
+                        "(killed, or out of memory?); finished results are stored"
                     ) from error
 
     def _once(self, function, calls: Mapping[int, tuple]) -> Iterator[tuple[int, Any]]:
-        """Makes calls by index as long as no process is lost."""
+        """Computes calls by index until a process is lost."""
         if self._pool is None:
-            # A forked child would share the locks and OpenGL contexts of its parent.
+            # Spawn: a forked child would share the locks and OpenGL contexts of its parent.
             self._pool = concurrent.futures.ProcessPoolExecutor(
                 self.number,
                 multiprocessing.get_context("spawn"),
@@ -155,15 +155,15 @@ class ProcessExecutor(Executor):
 
 
 class RayExecutor(Executor):
-    """The cores of a Ray cluster. Ray makes the calls of a lost worker or machine again."""
+    """Executor on the cores of a Ray cluster, which repeats the calls of lost workers."""
 
     def __init__(self, address: str | None = None, number: int | None = None):
         """Connects to a cluster.
 
         Args:
-            address: of a running cluster, "auto" for the one that this machine belongs to; None
-                starts a cluster of this machine alone.
-            number: cores of that new cluster; None for all.
+            address: Address of a running cluster, or "auto" for this machine's; None starts a
+                cluster of this machine alone.
+            number: Number of cores of a new cluster; None for all.
 
         Raises:
             UnavailableError: if Ray is missing.
@@ -173,12 +173,12 @@ class RayExecutor(Executor):
         if self._mine:
             cores = None if address else number
             ray.init(address, num_cpus=cores, include_dashboard=False, log_to_driver=False)
-        # -1: as often as it takes; an error of the call itself is not tried again.
+        # -1 repeats without limit when a worker is lost; errors of the call itself are not retried.
         self._call = ray.remote(max_retries=-1, retry_exceptions=False)(_call)
 
     @property
     def number(self) -> int:  # type: ignore[override]
-        """Cores of the cluster, which grows and shrinks."""
+        """Current number of cores of the cluster."""
         return max(1, int(self._ray.cluster_resources().get("CPU", 1)))
 
     def results(self, function, calls):
@@ -187,8 +187,8 @@ class RayExecutor(Executor):
         failure: Exception | None = None
         try:
             while True:
-                # Calls are handed over as cores come free: Ray cannot take back one that waits
-                # without interrupting it if it has just begun.
+                # Calls are submitted only to free cores: canceling a queued call could interrupt
+                # one that has just started.
                 for place, call in itertools.islice(waiting, max(0, self.number - len(index))):
                     index[self._call.remote(function, call)] = place
                 if not index:
@@ -203,7 +203,7 @@ class RayExecutor(Executor):
                     continue
                 yield place, result
         finally:
-            for reference in index:  # Nobody waits for these any more.
+            for reference in index:  # Their results are no longer needed.
                 with contextlib.suppress(self._ray.exceptions.RayError):
                     self._ray.cancel(reference)
         if failure is not None:
@@ -215,7 +215,7 @@ class RayExecutor(Executor):
 
 
 def make_executor(jobs: int = 1, ray: str | None = None) -> Executor:
-    """The executor of a number of workers.
+    """Returns the executor of a number of workers.
 
     Args:
         jobs: number of processes; 1 works in this one.
@@ -239,10 +239,10 @@ def _call(function: Callable, arguments: tuple[Any, ...]) -> Any:
 
 @contextlib.contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """Puts Ctrl-C off: half a start of a worker would end in a traceback of it.
+    """Delays Ctrl-C: a worker that is interrupted while it starts would print a traceback.
 
-    Processes that start meanwhile do not hear of it until `_start`: they have the mask of signals
-    of this thread. Where there are none (Windows), and in other threads, nothing is put off.
+    Processes that start meanwhile inherit the signal mask of this thread until `_start`. Without
+    signal masks (Windows) and in other threads nothing is delayed.
     """
     if threading.current_thread() is not threading.main_thread() or not _HAS_MASKS:
         yield
@@ -260,7 +260,7 @@ def _uninterrupted() -> Iterator[None]:
 
 
 def _start(parent: int) -> None:
-    """Has a worker end at Ctrl-C, without a word, and when its parent was killed."""
+    """Makes a worker end silently at Ctrl-C, and when its parent is killed."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     if _HAS_MASKS:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])

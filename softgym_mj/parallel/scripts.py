@@ -1,4 +1,4 @@
-"""Processes that know nothing of the program's script."""
+"""Worker processes that do not import the program's script."""
 
 import contextlib
 import sys
@@ -6,15 +6,15 @@ import threading
 import types
 from collections.abc import Iterator
 
-_STARTING = threading.Lock()  # Of a thread that starts processes.
+_STARTING = threading.Lock()  # Held by the thread that starts processes.
 
 
 @contextlib.contextmanager
 def unknown_main() -> Iterator[None]:
-    """Processes that are started meanwhile do not run the program's script again.
+    """Prevents processes that start in this context from running the program's script again.
 
-    What they need of it is pickled by value. So scripts need no `if __name__ == "__main__":`, those
-    without a file (stdin) work, and nobody waits for what else a script imports.
+    Functions of the script are pickled by value. So scripts need no `if __name__ == "__main__":`,
+    scripts without a file (stdin) work, and workers do not import what the script imports.
     """
     with _STARTING:
         main, sys.modules["__main__"] = sys.modules["__main__"], types.ModuleType("__main__")

@@ -1,1 +1,1 @@
-"""Policies to compare with: scripted experts, planners, and how policies are loaded and played."""
+"""Policies: scripted experts, planners, and loading and playing of saved policies."""

@@ -1,4 +1,4 @@
-"""Plays an episode and keeps what is to be looked at: pictures, rewards, scores."""
+"""Plays an episode and returns its images, rewards and scores."""
 
 import dataclasses
 from collections.abc import Callable, Collection
@@ -15,14 +15,14 @@ from softgym_mj.validation import typed
 
 @dataclasses.dataclass(frozen=True)
 class Episode:
-    """What happened in n env steps; a notebook shows it as a video.
+    """Episode of n env steps; a notebook shows it as a video.
 
     Attributes:
-        frames: pictures (m, size, size, 3) uint8 of the start and after each env step, or of those
-            that were asked for; none without a camera.
-        rewards: of the env steps (n,).
-        info: the entries of `Environment.info` over time, (n + 1,) each, from the start on.
-        fps: env steps in a second of simulated time.
+        frames: Images (m, size, size, 3) uint8 of the start and after each env step, or of the
+            requested ones; empty without a camera.
+        rewards: Rewards (n,).
+        info: Entries of `Environment.info` over time, (n + 1,) each, including the start.
+        fps: Env steps per second of simulated time.
     """
 
     frames: np.ndarray = dataclasses.field(repr=False)
@@ -60,24 +60,24 @@ def play(
     """Plays an episode.
 
     Args:
-        env: where.
-        policy: a function from a time step to an action, or a name for `make_policy`: "scripted",
+        env: The environment.
+        policy: Function from a time step to an action, or a name for `make_policy`: "scripted",
             "random", "zero", a file or "module:function".
-        variation: index 0..999; drawn from the environment's split when None.
-        seed, trust: of the policy, as in `make_policy`.
-        camera: of the pictures, "task", "overview" or another of the model; None to take none,
-            which is much faster.
-        size: side of the pictures [pixels].
-        pictures: env steps after which one is taken, 0 for the start; None for all, which are then
-            drawn as for a film.
-        passes: of which a picture is the mean; None for as many as the look has.
-        on_step: called after each env step.
+        variation: Index 0..999; None draws one from the environment's split.
+        seed, trust: Arguments of `make_policy`.
+        camera: "task", "overview" or another camera of the model; None renders no images, which is
+            much faster.
+        size: Side of the images [pixels].
+        pictures: Env steps after which an image is rendered (0: the start); None for all, rendered
+            at the quality of videos.
+        passes: Number of passes averaged in an image; None for the look's.
+        on_step: Called after each env step.
 
     Raises:
         InvalidArgumentError: for a bad policy or camera; for a variation or a size that does not
             exist.
         SimulationError: if the episode diverges.
-        UnavailableError: if pictures are wanted and there is no OpenGL.
+        UnavailableError: if there is a camera but no OpenGL.
     """
     act = make_policy(policy, env, seed, trust=trust) if isinstance(policy, str) else policy
     check_count("size", size, 1, LARGEST_IMAGE)

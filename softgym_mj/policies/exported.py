@@ -1,7 +1,7 @@
-"""Policies in files that `torch.export.save` wrote, and what these say of their observations.
+"""Policies as files of `torch.export.save`, with the observations that they need.
 
-The extra file `NOTE` in such a file has the arguments of the task by which a policy observes, and
-the number of successive images that it takes.
+The extra file `NOTE` in such a file has the task's arguments of the policy's observation and the
+number of stacked frames.
 """
 
 import io
@@ -37,13 +37,12 @@ def export_policy(
     """Returns the content of a policy's file.
 
     Args:
-        module: gives actions (1, n) of an observation (1, ...). Where `frames` is more than 1, or
-            for several observations, it takes a dict of them by name, in which images have a
-            dimension of frames (1, frames, ...), the oldest first.
-        spaces: of the observations that it takes, by name.
-        observed: arguments of the task by which it observes: `observation`, and `image_size` with
-            images.
-        frames: number of successive images that it takes.
+        module: Maps an observation (1, ...) to an action (1, n). With `frames` above 1, or several
+            observations, it maps a dict of them by name; its images are (1, frames, ...), the
+            oldest first.
+        spaces: Spaces of the observations by name.
+        observed: Arguments of the task: `observation`, and `image_size` with images.
+        frames: Number of stacked frames.
     """
     torch = import_extra("torch", "PyTorch", "rl")
     is_dict = len(spaces) > 1 or frames > 1
@@ -56,7 +55,7 @@ def export_policy(
     }  # fmt: skip
     example = examples if is_dict else next(iter(examples.values()))
     exported = torch.export.export(module.eval(), (example,))
-    for node in exported.graph.nodes:  # Else the file says where this machine has what.
+    for node in exported.graph.nodes:  # Stack traces contain paths of this machine.
         node.meta.pop("stack_trace", None)
     file, note = io.BytesIO(), {**observed, "frames": frames}
     torch.export.save(exported, file, extra_files={NOTE: json.dumps(note)})
@@ -64,13 +63,13 @@ def export_policy(
 
 
 def observes(file: str) -> dict[str, Any]:
-    """Arguments of a task by which a policy's file says what the policy observes.
+    """Returns the task arguments that give a saved policy its observation.
 
-    They are in the file of a policy that `softgym-mj train` wrote, or in the card beside it, which
-    has the same name with the suffix .json. No code of the file is run.
+    They are read from the policy's file, as `softgym-mj train` writes it, or from the card of the
+    same name with the suffix .json. No code of the file is run.
 
     Returns:
-        `observation`, and `image_size` with images; empty where nothing is said.
+        `observation`, and `image_size` with images; empty for other policies.
 
     Raises:
         InvalidArgumentError: for a note or a card that is not JSON of this form.
@@ -79,13 +78,13 @@ def observes(file: str) -> dict[str, Any]:
 
 
 def has_images(observation: str | Sequence[str]) -> bool:
-    """Whether there is an image among observations that are named so."""
+    """Returns whether one of these observations is an image."""
     names = {observation} if isinstance(observation, str) else {*observation}
     return not names <= {*STATES, HELD}
 
 
 def _note(name: str) -> dict[str, Any]:
-    """What `observes` returns, and `frames`; empty where nothing is said."""
+    """Returns the arguments of `observes` and `frames`; empty for files without a note."""
     file = pathlib.Path(name)
     card = file.with_suffix(".json")
     if not name.endswith(SUFFIX) or not os.path.isfile(file):  # False for impossible names.
@@ -110,7 +109,7 @@ def _note(name: str) -> dict[str, Any]:
 
 
 def load_exported(file: str, env: Environment, trust: bool) -> Policy:
-    """The policy of a file; see `policies.make_policy`."""
+    """Returns the policy of a file, with the arguments of `make_policy`."""
     content = read_whole(file)
     if not zipfile.is_zipfile(io.BytesIO(content)):
         raise InvalidArgumentError(
@@ -119,14 +118,13 @@ def load_exported(file: str, env: Environment, trust: bool) -> Policy:
         )
     if trust is not True:
         raise InvalidArgumentError(
-            f"policy={file!r} is not loaded: such a file can run any code on this machine, with "
-            "all your rights, as soon as it is loaded. If you trust whoever made it, say so: "
-            "trust=True, or --trust on the command line"
+            f"policy={file!r} is not loaded: loading can run any code on this machine with your "
+            "rights; pass trust=True (command line: --trust) if you trust its author"
         )
     torch = import_extra("torch", "PyTorch", "rl")
     try:
         module = torch.export.load(io.BytesIO(content)).module()
-    except Exception as error:  # torch raises whatever its reader happens to meet.
+    except Exception as error:  # torch's reader may raise any error.
         raise InvalidArgumentError(f"policy={file!r} cannot be loaded: {error}") from error
     size, inputs = env.task.actor.action_size, _Inputs(file)
 
@@ -155,10 +153,10 @@ def load_exported(file: str, env: Environment, trust: bool) -> Policy:
 
 
 class _Inputs:
-    """Makes what a file's policy takes of time steps, each episode's in order.
+    """Converts time steps of an episode, in order, to the inputs of a saved policy.
 
     Attributes:
-        is_dict: whether the policy takes a dict of observations; else the only one.
+        is_dict: Whether the policy takes a dict of observations instead of one array.
     """
 
     def __init__(self, file: str):
@@ -190,7 +188,7 @@ class _Inputs:
         return array[None]
 
     def _stacked(self, name: str, array: np.ndarray, is_first: bool) -> np.ndarray:
-        """Returns the newest images (frames, ...); before an episode's first one there is that."""
+        """Returns the newest images (frames, ...); the first one of an episode is repeated."""
         before = [array] * self._frames if is_first else self._stacks[name]
         self._stacks[name] = [*before[1:], array]
         return np.stack(self._stacks[name])

@@ -1,4 +1,4 @@
-"""Policies by name or file: what `evaluate` can score."""
+"""Creates policies by name or file."""
 
 import dm_env
 import numpy as np
@@ -8,11 +8,11 @@ from softgym_mj.exceptions import check_count, check_name
 from softgym_mj.policies.saved import Policy, is_saved, make_saved, takes_seed
 
 SIMPLE = ("scripted", "random", "zero")
-_SEED_KEY = 0x52414E44  # Keeps the random policy's numbers apart from others.
+_SEED_KEY = 0x52414E44  # Separates the random policy's random numbers from others.
 
 
 def depends_on_seed(name: str) -> bool:
-    """Whether two seeds can give two policies.
+    """Returns whether a policy depends on its seed.
 
     Raises:
         InvalidArgumentError: for a function that cannot be imported.
@@ -21,22 +21,20 @@ def depends_on_seed(name: str) -> bool:
 
 
 def make_policy(name: str, env: Environment, seed: int = 0, *, trust: bool = False) -> Policy:
-    """A policy that does not plan.
+    """Creates a policy without planning: a function from a time step to an action.
 
     Args:
-        name: one of `SIMPLE`; a file that `torch.export.save` wrote, of a module that maps the
-            observation, states (1, n) float32 or images (1, h, w, 3) uint8, to an action (1, m),
-            which is clipped to [-1, 1]; or "module:function", a function that gives for an
-            environment, and a `seed` if it has such an argument, a policy: a function of its time
-            steps.
-        env: what it acts in.
-        seed: of the random policy and of functions; replaces "{seed}" in the name of a file.
-        trust: whether a file may be loaded, which runs whatever code is in it; a function is code
-            in any case, that of the module that is named.
+        name: "scripted", "random" or "zero"; a file of `torch.export.save`; or "module:function".
+            The exported module maps an observation, (1, n) float32 or (1, h, w, 3) uint8, to an
+            action (1, m), which is clipped to [-1, 1]. The function maps an environment, and
+            `seed` if it has this argument, to a policy.
+        env: Environment of the policy.
+        seed: Seed of the random policy and of functions; replaces "{seed}" in a file's name.
+        trust: Whether a file may be loaded, which can run any code in it.
 
     Raises:
-        InvalidArgumentError: if there is no such policy; for a file or function that is none, or a
-            file without `trust`; if the task has no scripted expert.
+        InvalidArgumentError: for an unknown policy, an invalid file or function, a file without
+            `trust`, or "scripted" for a task without an expert.
         StoreError: for a file that cannot be read.
     """
     if is_saved(name):
@@ -53,7 +51,7 @@ def make_policy(name: str, env: Environment, seed: int = 0, *, trust: bool = Fal
     random = np.random.default_rng()
 
     def act(timestep: dm_env.TimeStep) -> np.ndarray:
-        """Uniform entries; those of an episode depend on seed and variation alone."""
+        """Returns uniform entries, which depend on seed, variation and step alone."""
         nonlocal random
         if timestep.first():
             random = np.random.default_rng([_SEED_KEY, seed, env.task.variation])

@@ -1,4 +1,4 @@
-"""`ModelPredictivePolicy`: plans by sampling, executes the first actions, plans again."""
+"""`ModelPredictivePolicy`: plans by sampling, executes the first actions and replans."""
 
 from collections.abc import Callable
 
@@ -11,14 +11,14 @@ from softgym_mj.policies.planners import CEM, Plan
 from softgym_mj.policies.rollouts import Asking, Rollouts, answered
 from softgym_mj.storage.journal import Journal
 
-_SEED_KEY = 0x504C414E  # Keeps the planner's random numbers apart from those of variations.
+_SEED_KEY = 0x504C414E  # Separates the planner's random numbers from those of variations.
 
 
 class ModelPredictivePolicy:
-    """CEM with true dynamics: a planner that simulates from the exact state what actions would do.
+    """Model-predictive control with the true dynamics: samples are simulated from the exact state.
 
-    What was decided can be kept in a journal, from which an interrupted episode goes on exactly:
-    the random numbers of a decision depend on seed, variation and step alone.
+    An interrupted episode continues exactly from a journal of its decisions: their random numbers
+    depend on seed, variation and step alone.
     """
 
     def __init__(
@@ -35,16 +35,16 @@ class ModelPredictivePolicy:
         """Binds the policy.
 
         Args:
-            env: what it acts in.
-            planner: how it plans.
-            rollouts: plays sequences in copies of `env`.
-            seed: of the samples.
-            replan_every: env steps for which a plan is executed, at most the planner's horizon.
-            journal: of the decisions of one episode of these settings.
-            on_decision: called with every plan.
+            env: Environment of the policy.
+            planner: The planner.
+            rollouts: Plays sequences in copies of `env`.
+            seed: Seed of the samples.
+            replan_every: Env steps between two plans, at most the planner's horizon.
+            journal: Journal of the decisions of one episode.
+            on_decision: Called with every plan.
 
         Raises:
-            InvalidArgumentError: if plans are executed for longer than they look ahead.
+            InvalidArgumentError: if `replan_every` exceeds the horizon.
         """
         check_count("replan_every", replan_every, 1, planner.horizon)
         self._env, self._planner, self._rollouts = env, planner, rollouts
@@ -53,12 +53,12 @@ class ModelPredictivePolicy:
         self._decided: list[np.ndarray] = []
 
     def __call__(self, timestep: dm_env.TimeStep) -> np.ndarray:
-        """The action for a time step of the environment."""
+        """Returns the action for a time step of the environment."""
         (action,) = answered([self.act(timestep)], self._rollouts)
         return action
 
     def act(self, timestep: dm_env.TimeStep) -> Asking[np.ndarray]:
-        """What a call returns, for whoever plays the samples of several policies together."""
+        """Returns the action like a call, but yields its trials to a caller that plays them."""
         if timestep.first():
             written = [] if self._journal is None else self._journal.read()
             self._decided = [np.array(actions) for actions in written]

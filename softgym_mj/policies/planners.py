@@ -1,7 +1,7 @@
-"""Planners that sample action sequences: the paper's cross-entropy method, and iCEM.
+"""Sampling-based planners: the paper's cross-entropy method (CEM), and iCEM.
 
-Both look for the sequence of actions with the highest return under the true dynamics, of which they
-ask for returns; they know no environment.
+Both search for the action sequence with the highest return. The caller computes returns, so
+planners do not depend on an environment.
 """
 
 import dataclasses
@@ -12,14 +12,14 @@ import numpy as np
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name, check_number
 from softgym_mj.registry import find
 
-BUDGET = 21_000  # Env steps for a decision, all iterations together (paper).
-MOST_BUDGET = 10_000_000  # A population of as many has a GiB.
-ITERATIONS = 10  # Paper.
+BUDGET = 21_000  # Env steps per decision, over all iterations (paper).
+MOST_BUDGET = 10_000_000  # A population of this size needs 1 GiB.
+ITERATIONS = 10  # Iterations per decision (paper).
 ELITES = 0.1  # Fraction of a population that the next distribution is fitted to (paper).
-MIN_POPULATION = 10  # With fewer sequences there is not even one elite.
-VARIANCE = 0.5  # At the start of every decision, a quarter of the range of actions (authors' code).
-# The authors' code lets the variance collapse; ours keeps a standard deviation of 0.05, as a
-# population of 10 has one elite and would have none.
+MIN_POPULATION = 10  # Smaller populations have no elite.
+VARIANCE = 0.5  # Initial variance, a quarter of the range of actions (authors' code).
+# The authors' code lets the variance collapse. This one keeps a standard deviation of 0.05: the
+# variance of a single elite, of a population of 10, is 0.
 VARIANCE_FLOOR = 0.05**2
 # iCEM (Pinneri et al. 2020): exponent of the power spectrum of its noise, by which neighboring
 # actions are alike; fraction of the elites that go on to the next iteration.
@@ -33,12 +33,12 @@ Search = Generator[np.ndarray, np.ndarray, "Plan"]
 
 @dataclasses.dataclass(frozen=True)
 class Plan:
-    """What a planner found.
+    """Result of a planner.
 
     Attributes:
-        actions: the sequence (horizon, size) in [-1, 1].
-        best_return: highest return that was seen.
-        env_steps: env steps that it took to find it.
+        actions: Action sequence (horizon, size) in [-1, 1].
+        best_return: Highest return of all samples.
+        env_steps: Env steps that were simulated.
     """
 
     actions: np.ndarray
@@ -47,9 +47,9 @@ class Plan:
 
 
 class CEM:
-    """The paper's: refines a diagonal Gaussian over action sequences to those with high returns.
+    """Cross-entropy method of the paper: fits a diagonal Gaussian to the best action sequences.
 
-    Its noise is independent; the last mean is executed.
+    Samples are independent over time; the last mean is executed.
     """
 
     def __init__(
@@ -59,16 +59,16 @@ class CEM:
         iterations: int = ITERATIONS,
         variance: float = VARIANCE,
     ):
-        """Splits the budget over the iterations.
+        """Splits the budget evenly over the iterations.
 
         Args:
-            horizon: env steps of a sequence.
-            budget: env steps for a decision.
-            iterations: how often the distribution is fitted.
-            variance: of every action entry at the start of a decision.
+            horizon: Env steps of a sequence.
+            budget: Simulated env steps per decision.
+            iterations: Number of times that the distribution is fitted.
+            variance: Initial variance of every action entry.
 
         Raises:
-            InvalidArgumentError: if the budget has no room for 10 sequences in every iteration.
+            InvalidArgumentError: if the budget has fewer than 10 sequences per iteration.
         """
         check_count("horizon", horizon, 1)
         check_count("iterations", iterations, 1)
@@ -86,23 +86,24 @@ class CEM:
             )
 
     def first_guess(self, size: int) -> np.ndarray:
-        """The sequence (horizon, size) that the first decision of an episode starts from."""
+        """Returns the initial mean (horizon, size) of an episode's first decision."""
         return np.zeros((self.horizon, size))
 
     def shifted(self, actions: np.ndarray, steps: int) -> np.ndarray:
-        """The guess (horizon, size) after the first `steps` of a plan have been executed.
+        """Returns the initial mean (horizon, size) after `steps` of a plan have been executed.
 
-        Zeros, the middle of the range, follow (authors' code).
+        The remaining actions are followed by zeros (authors' code).
         """
         rest = actions[steps:]
         return np.concatenate([rest, np.zeros((self.horizon - len(rest), actions.shape[1]))])
 
     def plan(self, score: Score, guess: np.ndarray, random: np.random.Generator) -> Plan:
-        """Looks for the best sequence.
+        """Searches for the best sequence.
 
         Args:
-            score: returns of sequences.
-            guess, random: as of `search`.
+            score: Maps sequences (n, horizon, size) to their returns (n,).
+            guess: Mean (horizon, size) of the first population.
+            random: Source of the samples.
         """
         search = self.search(guess, random)
         samples = next(search)
@@ -113,11 +114,11 @@ class CEM:
                 return end.value
 
     def search(self, guess: np.ndarray, random: np.random.Generator) -> Search:
-        """Looks for the best sequence; yields each population for its returns.
+        """Searches for the best sequence; yields each population and is sent its returns.
 
         Args:
-            guess: mean (horizon, size) of the first population.
-            random: where samples come from.
+            guess: Mean (horizon, size) of the first population.
+            random: Source of the samples.
         """
         mean, variance = guess, np.full_like(guess, self.variance)
         best, best_return, steps = guess, -np.inf, 0
@@ -138,26 +139,26 @@ class CEM:
         return Plan(self._chosen(mean, best), best_return, steps)
 
     def _noise(self, shape: tuple[int, ...], random: np.random.Generator) -> np.ndarray:
-        """Standard normal entries (n, horizon, size)."""
+        """Returns standard normal entries (n, horizon, size)."""
         return random.standard_normal(shape)
 
     def _population(
         self, samples: np.ndarray, kept_elites: np.ndarray, mean: np.ndarray, iteration: int
     ) -> np.ndarray:
-        """What is tried in an iteration."""
+        """Returns the population of an iteration."""
         return samples
 
     def _kept_elites(self, elites: np.ndarray) -> np.ndarray:
-        """Which of the elites go on to the next iteration."""
+        """Returns the elites that are added to the next population."""
         return elites[:0]
 
     def _chosen(self, mean: np.ndarray, best: np.ndarray) -> np.ndarray:
-        """The sequence that is executed."""
+        """Returns the sequence that is executed."""
         return mean
 
 
 class ICEM(CEM):
-    """iCEM: smooth noise, elites that are kept, the mean among the last; the best is executed."""
+    """iCEM (Pinneri et al. 2020): colored noise, reused elites, and the best sample is executed."""
 
     def _noise(self, shape, random):
         return colored_noise(shape, random)
@@ -179,37 +180,37 @@ PLANNERS = {"cem": CEM, "icem": ICEM}
 
 
 def usual_horizon(task: str) -> int:
-    """Env steps that a plan for a task looks ahead: `Task.planning_horizon`."""
+    """Returns env steps that a plan for a task looks ahead: `Task.planning_horizon`."""
     return find(task).resolve().planning_horizon
 
 
 def make_planner(name: str, task: str, horizon: int | None = None, **settings) -> CEM:
-    """A planner by name.
+    """Returns a planner by name.
 
     Args:
-        name: one of `PLANNERS`.
-        task: task name, for the horizon.
-        horizon: env steps of a sequence; None for the task's.
-        **settings: budget, iterations and variance as in `CEM`.
+        name: One of `PLANNERS`.
+        task: Task name, for the default horizon.
+        horizon: Env steps of a sequence; None for the task's.
+        **settings: `budget`, `iterations` and `variance` of `CEM`.
 
     Raises:
-        InvalidArgumentError: if there is no such planner; for what cannot be.
+        InvalidArgumentError: for an unknown planner or invalid settings.
     """
     check_name("planner", name, PLANNERS)
     return PLANNERS[name](usual_horizon(task) if horizon is None else horizon, **settings)
 
 
-def colored_noise(shape: tuple[int, ...], random: np.random.Generator) -> np.ndarray:
-    """Normal noise (n, horizon, size) of unit variance with a power spectrum 1 / f^COLOR in time.
+def coloured_noise(shape: tuple[int, ...], random: np.random.Generator) -> np.ndarray:
+    """Returns normal noise (n, horizon, size) of unit variance with power spectrum 1 / f^COLOUR.
 
-    By the method of Timmer and Koenig (1995): amplitudes and phases of each frequency are normal.
+    The method is that of Timmer and Koenig (1995): each frequency has a normal complex amplitude.
     """
     number, horizon, size = shape
     if horizon == 1:
         return random.standard_normal(shape)
     frequencies = np.fft.rfftfreq(horizon)
-    frequencies[0] = frequencies[1]  # The mean varies as the slowest wave does.
-    scale = frequencies ** (-COLOR / 2)
+    frequencies[0] = frequencies[1]  # The mean has the amplitude of the lowest frequency.
+    scale = frequencies ** (-COLOUR / 2)
     real = random.standard_normal((number, size, len(frequencies))) * scale
     imaginary = random.standard_normal((number, size, len(frequencies))) * scale
     imaginary[..., 0] = 0.0

@@ -1,6 +1,6 @@
-"""`Rollouts`: returns of many action sequences from one state, by any executor.
+"""`Rollouts`: returns of many action sequences from one state, on any executor.
 
-A snapshot restores an episode exactly, so that the returns do not depend on who computes them.
+Snapshots are exact, so that returns do not depend on the worker that computes them.
 """
 
 import functools
@@ -19,11 +19,11 @@ from softgym_mj.envs.snapshots import Snapshot
 from softgym_mj.parallel.executors import Executor, SerialExecutor
 from softgym_mj.registry import TaskRecord
 
-# Calls for each worker at a time: enough to even out sequences that take longer than others.
+# Calls per worker: several balance sequences of different duration.
 CALLS_PER_WORKER = 3
 
 T = TypeVar("T")
-Trial = tuple[Snapshot, np.ndarray]  # A state, and action sequences (n, horizon, size) from there.
+Trial = tuple[Snapshot, np.ndarray]  # Initial state and action sequences (n, horizon, size).
 Asking = Generator[Trial, np.ndarray, T]  # Yields trials and is sent their returns (n,).
 
 
@@ -31,26 +31,26 @@ class Rollouts(Protocol):
     """Plays action sequences in copies of an environment."""
 
     def returns(self, snapshot: Snapshot, sequences: np.ndarray) -> np.ndarray:
-        """Undiscounted returns (n,) of action sequences (n, horizon, size) from a state.
+        """Computes undiscounted returns (n,) of action sequences (n, horizon, size) from a state.
 
-        A sequence counts up to the end of the episode.
+        A sequence ends with the episode.
         """
 
     def all(self, trials: Sequence[Trial]) -> list[np.ndarray]:
-        """The returns of each of some trials, whose horizon is the same."""
+        """Computes the returns of several trials of the same horizon."""
         return [self.returns(*trial) for trial in trials]
 
 
 class ExecutorRollouts(Rollouts):
-    """One after the other in as many environments as an executor has workers."""
+    """Rollouts on an executor, one environment per worker."""
 
     def __init__(self, task: str | TaskRecord, settings: Mapping[str, object], executor: Executor):
-        """Chooses what is played.
+        """Sets the environment and the executor.
 
         Args:
-            task: task name or record: what is registered now, whatever replaces it later.
-            settings: keyword arguments of the task that JSON can hold.
-            executor: where they are played.
+            task: Task name or record; later registrations of the name have no effect.
+            settings: Keyword arguments of the task that JSON can hold.
+            executor: Executor of the rollouts.
         """
         self._key = sent_to(executor, task), json.dumps(dict(settings), sort_keys=True)
         self._executor = executor
@@ -64,7 +64,7 @@ class ExecutorRollouts(Rollouts):
 
 
 def answered(askers: Sequence[Asking[T]], rollouts: Rollouts) -> list[T]:
-    """What generators return whose trials are played, those of all together."""
+    """Runs generators that yield trials and plays these together; returns the final values."""
     result: dict[int, T] = {}
     answers: dict[int, Any] = dict.fromkeys(range(len(askers)))  # None starts a generator.
     while True:
@@ -80,9 +80,10 @@ def answered(askers: Sequence[Asking[T]], rollouts: Rollouts) -> list[T]:
 
 
 def sent_to(executor: Executor, task: str | TaskRecord) -> TaskRecord | bytes:
-    """A task as calls of this executor take it: pickled, with its class if no module has it.
+    """Returns a task as an argument of an executor's calls.
 
-    Other processes have not necessarily registered it.
+    For other processes, which may not have registered it, it is pickled, with its class if no
+    module has it.
     """
     record = registry.find(task)
     if isinstance(executor, SerialExecutor):
@@ -93,9 +94,9 @@ def sent_to(executor: Executor, task: str | TaskRecord) -> TaskRecord | bytes:
 def play_sequences(
     task: TaskRecord | bytes, settings: str, snapshot: Snapshot, sequences: np.ndarray
 ) -> np.ndarray:
-    """Returns (n,) of sequences (n, horizon, size), in an environment that is kept.
+    """Computes returns (n,) of sequences (n, horizon, size) in this process's environment.
 
-    Nothing is worse than a sequence with which the simulation diverges.
+    The return is -inf if the simulation diverges.
     """
     env = kept_environment(task, settings)
     returns = np.zeros(len(sequences))
@@ -113,13 +114,11 @@ def play_sequences(
 
 @functools.lru_cache(maxsize=1)
 def kept_environment(task: TaskRecord | bytes, settings: str) -> Environment:
-    """This process's environment of a task: to be used for one thing at a time.
-
-    A task that is registered again is another one: its record is.
+    """Returns this process's cached environment of a task record and settings.
 
     Args:
-        task: as `sent_to` returns it.
-        settings: keyword arguments as JSON; the observation is "reduced" unless they name one.
+        task: Value of `sent_to`.
+        settings: Keyword arguments as JSON; `observation` is "reduced" by default.
     """
     record = pickle.loads(task).fn if isinstance(task, bytes) else task
     arguments = {"observation": "reduced", **json.loads(settings)}

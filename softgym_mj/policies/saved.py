@@ -1,8 +1,7 @@
-"""Policies of yours: files that `torch.export.save` wrote, functions of modules.
+"""Saved policies: files of `torch.export.save` and functions of modules.
 
-Both are code. A module is imported by the name that the user gives. A file may look like data but
-can hold pickles, and in the JSON of its graph expressions, guards and names, all of which PyTorch
-executes when it loads it: there is no way to load one that cannot run code, so the user says so.
+Both run code. A file can contain pickles and, in its JSON graph, expressions, guards and names, all
+of which PyTorch executes on loading. No loading is safe, so it requires `trust=True`.
 """
 
 import hashlib
@@ -22,16 +21,16 @@ from softgym_mj.storage.files import read_whole
 
 Policy = Callable[[dm_env.TimeStep], np.ndarray]
 
-SEED = "{seed}"  # In the name of a file: policies that were trained with several seeds.
+SEED = "{seed}"  # Placeholder in file names of policies that were trained with several seeds.
 
 
 def is_saved(name: str) -> bool:
-    """Whether a policy is named by a file (`policy.pt2`) or a function (`package.module:name`)."""
+    """Returns whether a name is a file (`policy.pt2`) or a function (`package.module:name`)."""
     return ":" in name or name.endswith(SUFFIX)
 
 
 def takes_seed(name: str) -> bool:
-    """Whether seeds tell policies of this name apart: by its file's name or an argument `seed`.
+    """Returns whether a saved policy depends on its seed: by its file name or an argument `seed`.
 
     Raises:
         InvalidArgumentError: for a function that cannot be imported.
@@ -46,9 +45,9 @@ def takes_seed(name: str) -> bool:
 
 
 def sha256(name: str, seed: int) -> dict[str, str]:
-    """SHA-256 of a policy's file, or of the source file of its function, by name.
+    """Returns SHA-256 of a policy's file, or of the source file of its function, by name.
 
-    Empty for a function that no file has, such as one of a notebook.
+    The result is empty for a function without a file, such as one of a notebook.
 
     Raises:
         StoreError: for a file that cannot be read.
@@ -65,7 +64,7 @@ def sha256(name: str, seed: int) -> dict[str, str]:
 
 
 def make_saved(name: str, env: Environment, seed: int, trust: bool) -> Policy:
-    """The policy of a file or a function; see `policies.make_policy`."""
+    """Returns the policy of a file or a function, with the arguments of `make_policy`."""
     if name.endswith(SUFFIX):
         return load_exported(name.replace(SEED, str(seed)), env, trust)
     return _imported(name, env, seed)
@@ -81,12 +80,12 @@ def _imported(name: str, env: Environment, seed: int) -> Policy:
     except Exception as error:  # Whatever the function raises.
         where = traceback.extract_tb(error.__traceback__)[-1]
         raise InvalidArgumentError(
-            f"policy={name!r} made no policy of an environment: {type(error).__name__}: {error} "
+            f"policy={name!r} failed for an environment: {type(error).__name__}: {error} "
             f"({where.filename}:{where.lineno})"
         ) from error
     if not callable(policy):
         raise InvalidArgumentError(
-            f"policy={name!r} gives {policy!r}, not a function of time steps"
+            f"policy={name!r} returns {policy!r}, not a function of time steps"
         )
     return policy
 

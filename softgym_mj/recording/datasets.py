@@ -1,9 +1,8 @@
-"""Datasets, of whatever format: ids, folders, whole or not there at all.
+"""Dataset formats: ids, folders and atomic writing.
 
-A dataset is made in a hidden folder beside its place. The episodes that were played are in there,
-too, until it is moved to its place. Who was killed in between finds them and goes on, with all of
-them. What it is made of stays beside it: the same recording once more finds it, another one cannot
-take it for its own.
+A dataset and its episodes are written to a hidden folder, which is renamed at the end, so that an
+interrupted recording continues from finished episodes. The specification is stored with the
+dataset: the same recording returns it, another one raises an error.
 """
 
 import abc
@@ -21,20 +20,20 @@ from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.registry import TaskRecord
 from softgym_mj.storage.files import naming, read_json, write_json
 
-EPISODES = ".episodes"  # In the folder of a dataset that is not finished.
-MADE_OF = "recording.json"  # In the folder of a dataset.
-_NO_LETTER = re.compile(r"[^-\w]")  # What an id cannot have.
+EPISODES = ".episodes"  # Folder of finished episodes in an unfinished dataset.
+MADE_OF = "recording.json"  # File of the specification in a dataset.
+_NO_LETTER = re.compile(r"[^-\w]")  # Characters that ids must not contain.
 
 
 class About(NamedTuple):
-    """What a dataset says of itself.
+    """Metadata of a dataset.
 
     Attributes:
-        task: whose episodes it has.
-        policy: that played them.
-        description: in words.
-        evaluation: the environment with evaluation variations, as JSON.
-        author, author_email, code_permalink: see `recording.record`.
+        task: Task of the episodes.
+        policy: Policy of the episodes.
+        description: Description in words.
+        evaluation: Environment with evaluation variations, as JSON.
+        author, author_email, code_permalink: Arguments of `recording.record`.
     """
 
     task: TaskRecord
@@ -47,12 +46,12 @@ class About(NamedTuple):
 
 
 class Format(abc.ABC):
-    """A library's way to keep datasets.
+    """Dataset format of a library.
 
     Attributes:
-        default_id: of a dataset, by task and whatever else tells it from others.
-        is_signed: whether a dataset says who made it.
-        observation: what is usually observed.
+        default_id: Template of ids, by task and other settings.
+        is_signed: Whether datasets name their author.
+        observation: Default observation.
     """
 
     default_id: ClassVar[str]
@@ -61,11 +60,11 @@ class Format(abc.ABC):
 
     @abc.abstractmethod
     def check_id(self, dataset: str) -> None:
-        """Raises `InvalidArgumentError` unless it is an id; `UnavailableError` without library."""
+        """Raises `InvalidArgumentError` for an invalid id; `UnavailableError` without library."""
 
     @abc.abstractmethod
     def root(self) -> pathlib.Path:
-        """The folder in which the library looks for datasets."""
+        """Returns the folder in which the library looks for datasets."""
 
     @abc.abstractmethod
     def build(
@@ -76,43 +75,43 @@ class Format(abc.ABC):
         episodes: Iterable[Mapping[str, Any]],
         about: About,
     ) -> None:
-        """Makes a dataset in an empty folder, one episode after the other.
+        """Writes a dataset to an empty folder, one episode after the other.
 
         Args:
-            folder: which will be moved to the dataset's place.
-            dataset: its id.
-            env: where the episodes were played.
-            episodes: as `episodes.nested` gives them, with "seed" and "options" of the reset.
-            about: what it says of itself.
+            folder: Folder that will be moved to the dataset's place.
+            dataset: Id of the dataset.
+            env: Environment of the episodes.
+            episodes: Values of `episodes.nested`, with "seed" and "options" of the reset.
+            about: Metadata of the dataset.
         """
 
     @abc.abstractmethod
     def load(self, dataset: str) -> Any:
-        """A dataset, as the library reads it."""
+        """Returns a dataset, as the library reads it."""
 
     @abc.abstractmethod
     def summary(self, dataset: Any) -> tuple[int, int, str]:
-        """Of what `load` returned: numbers of episodes and env steps, the call that loads it."""
+        """Returns numbers of episodes and env steps of a dataset, and the call that loads it."""
 
     @abc.abstractmethod
     def described(self) -> dict[str, Any]:
-        """The format with its options, as JSON: part of what a dataset is made of."""
+        """Returns the format and its options, as JSON, for the specification of a dataset."""
 
     def check_observed(self, env: gymnasium.Env) -> None:  # noqa: B027
-        """Raises `InvalidArgumentError` for what it cannot keep of what an environment observes."""
+        """Raises `InvalidArgumentError` for observations that the format cannot store."""
 
     def check_signed(self, *signed: str | None) -> None:
-        """Raises `InvalidArgumentError` for an author where a dataset does not say who made it."""
+        """Raises `InvalidArgumentError` for an author if the format does not store one."""
         if not self.is_signed and any(word is not None for word in signed):
             valid = "None: what Hugging Face shows is said when a dataset is published"
             raise InvalidArgumentError("author, author_email, code_permalink", signed, valid)
 
     def place(self, dataset: str) -> pathlib.Path:
-        """The folder of a dataset, which need not be there."""
+        """Returns the folder of a dataset, which need not exist."""
         return self.root() / dataset
 
     def unfinished(self, dataset: str) -> pathlib.Path:
-        """Where a dataset is made; beside the datasets, hidden from the library.
+        """Returns the hidden folder of an unfinished dataset.
 
         Raises:
             StoreError: if the folders cannot be written.
@@ -122,25 +121,25 @@ class Format(abc.ABC):
         with naming(place, "written"):
             if (place / EPISODES).exists():
                 place.rename(unfinished)
-        return unfinished  # No id has a point in it.
+        return unfinished  # Ids contain no dot.
 
     def is_finished(self, dataset: str, made_of: Mapping[str, Any]) -> bool:
-        """Whether there is a whole dataset that is made of this.
+        """Returns whether a finished dataset of this specification exists.
 
         Args:
-            dataset: its id.
-            made_of: everything that its episodes depend on; JSON.
+            dataset: Id of the dataset.
+            made_of: Specification: all that its episodes depend on; JSON.
 
         Raises:
             UnavailableError: if the library is missing.
-            StoreError: if there is one of this id that is made of something else.
+            StoreError: if a dataset of this id has another specification.
         """
         place = self.place(dataset)
         if not os.path.lexists(place) or (place / EPISODES).exists():
             return False
         file = place / MADE_OF
         result = read_json(file) if file.exists() else {}
-        own = json.loads(json.dumps(made_of))  # Tuples are lists there.
+        own = json.loads(json.dumps(made_of))  # JSON has no tuples.
         if differ := [name for name in {**own, **result} if result.get(name) != own.get(name)]:
             raise StoreError(
                 f"dataset={dataset!r} exists, with another {', '.join(differ)}; choose another "
@@ -156,17 +155,17 @@ class Format(abc.ABC):
         episodes: Iterable[Mapping[str, Any]],
         about: About,
     ) -> Any:
-        """Writes a dataset, of an `unfinished` folder; it is there whole or not at all.
+        """Writes a dataset atomically, in its `unfinished` folder.
 
         Args:
-            made_of: as of `is_finished`.
-            dataset, env, episodes, about: as of `build`.
+            made_of: Specification, as in `is_finished`.
+            dataset, env, episodes, about: Arguments of `build`.
 
         Raises:
-            StoreError: if it cannot be written; what was there of it is removed.
+            StoreError: if it cannot be written; the partial dataset is removed.
         """
         place, unfinished = self.place(dataset), self.unfinished(dataset)
-        _clear(unfinished)  # Of what a killed process left.
+        _clear(unfinished)  # A killed process may have left a partial dataset.
         try:
             with naming(place, "written"):
                 self.build(unfinished, dataset, env, episodes, about)
@@ -181,7 +180,7 @@ class Format(abc.ABC):
 
 
 def _clear(unfinished: pathlib.Path) -> None:
-    """Leaves nothing but the episodes."""
+    """Removes all but the finished episodes."""
     for path in unfinished.glob("*"):
         if path.name == EPISODES:
             continue
@@ -192,5 +191,5 @@ def _clear(unfinished: pathlib.Path) -> None:
 
 
 def letters(*words: str | None) -> str:
-    """Words, but for those that are None, as part of an id."""
+    """Joins words, except those that are None, to a part of an id."""
     return _NO_LETTER.sub("-", "-".join(filter(None, words)))

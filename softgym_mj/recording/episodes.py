@@ -1,4 +1,4 @@
-"""Episodes of a dataset: played, as arrays by name, which a store takes."""
+"""Plays episodes of a dataset and returns them as arrays by name."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -10,9 +10,9 @@ import numpy as np
 from softgym_mj.exceptions import SimulationError
 from softgym_mj.policies.factory import Policy
 
-_BETWEEN = "/"  # Part and name of an array: "infos/success".
-LABEL = "expert_action"  # The info of what a policy would have done without noise.
-LABELS = f"infos{_BETWEEN}{LABEL}"  # These over time.
+_BETWEEN = "/"  # Separator in the names of arrays: "infos/success".
+LABEL = "expert_action"  # Name of the info with the policy's own action, without noise.
+LABELS = f"infos{_BETWEEN}{LABEL}"  # Array of these actions over time.
 
 
 def play(
@@ -22,22 +22,22 @@ def play(
     until: Callable[[dict], bool] = lambda _: False,
     disturb: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> dict[str, np.ndarray]:
-    """What happens in an episode of n env steps.
+    """Plays an episode of n env steps.
 
-    Minari's own collector does the same, but needs JAX for it.
+    Minari's own collector does the same, but requires JAX.
 
     Args:
-        env: where; its observations are named or not.
-        act: the policy.
-        variation: index 0..999.
-        until: of an info; the episode is truncated there.
-        disturb: what is applied instead of an action of the policy; None for that itself.
+        env: The environment; its observation is an array or a dict.
+        act: The policy.
+        variation: Index 0..999.
+        until: Maps an info to whether the episode is truncated there.
+        disturb: Maps the policy's action to the applied one; None applies it unchanged.
 
     Returns:
-        Arrays over time by name: "actions" (n, size), those that were applied; "rewards",
-        "terminations" and "truncations" (n,), "observations" and "infos" (n + 1, ...); those with
-        names of their own as "infos/success", "infos/cameras/left/intrinsics". With `disturb`
-        `LABELS` (n, size), too: what the policy itself would have done before each step.
+        Arrays over time by name: applied "actions" (n, size); "rewards", "terminations" and
+        "truncations" (n,); "observations" and "infos" (n + 1, ...), whose entries are named as
+        "infos/success" or "infos/cameras/left/intrinsics". With `disturb` also `LABELS` (n, size),
+        the policy's own actions.
 
     Raises:
         SimulationError: if the episode diverges.
@@ -66,7 +66,7 @@ def play(
 
 
 def _over_time(part: str, values: list) -> dict[str, np.ndarray]:
-    """Arrays with time as a further axis: one, or one for each name."""
+    """Stacks values over time: to one array, or to one for each name."""
     if not isinstance(values[0], dict):
         return {part: np.array(values)}
     over_time: dict[str, np.ndarray] = {}
@@ -76,12 +76,12 @@ def _over_time(part: str, values: list) -> dict[str, np.ndarray]:
 
 
 def _named(observation) -> dict:
-    """An observation as policies get it."""
+    """Returns an observation as a dict, as policies expect it."""
     return observation if isinstance(observation, dict) else {"observation": observation}
 
 
 def nested(arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
-    """The arrays of `play` as keyword arguments of Minari: those of a part in a dict."""
+    """Returns the arrays of `play` as keyword arguments of Minari, with nested dicts."""
     episode: dict[str, Any] = {}
     for key, value in arrays.items():
         *parts, name = key.split(_BETWEEN)

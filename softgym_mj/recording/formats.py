@@ -1,4 +1,4 @@
-"""The formats of datasets by name."""
+"""Dataset formats by name."""
 
 from collections.abc import Callable
 
@@ -11,14 +11,14 @@ FORMATS: dict[str, Callable[..., Format]] = {"minari": Minari, "lerobot": LeRobo
 
 
 def make_format(name: str, codec: str | None = None) -> Format:
-    """A format.
+    """Returns a dataset format.
 
     Args:
-        name: one of `FORMATS`.
-        codec: of films; None for the format's own.
+        name: One of `FORMATS`.
+        codec: Codec of videos; None for the format's default.
 
     Raises:
-        InvalidArgumentError: for an unknown format or codec; for a codec where nothing is filmed.
+        InvalidArgumentError: for an unknown format or codec, or a codec of a format without videos.
     """
     check_name("format", name, FORMATS)
     if codec is None:
@@ -39,15 +39,15 @@ def dataset_name(
     *,
     format: str = "minari",
 ) -> str:
-    """The id that a dataset gets by default: "softgym_mj/fold_cloth/scripted-franka-v0".
+    """Returns the default id of a dataset, such as "softgym_mj/fold_cloth/scripted-franka-v0".
 
     Args:
-        task: task name, without a module.
-        policy: as in `record`.
-        actor, grasp, action: of the task; None, which the id does not mention, for its own.
-        noise: as in `record`; 0.05 is "noise0-05", as ids have no points.
-        format: of `FORMATS`; "lerobot" has "softgym_mj/fold_cloth-scripted-franka", as ids of
-            Hugging Face have two parts.
+        task: Task name, without a module.
+        policy: Policy, as in `record`.
+        actor, grasp, action: Arguments of the task; None (the default) is not in the id.
+        noise: Noise, as in `record`; 0.05 becomes "noise0-05", as ids contain no dot.
+        format: One of `FORMATS`; "lerobot" has ids of two parts, as Hugging Face requires:
+            "softgym_mj/fold_cloth-scripted-franka".
     """
     words = letters(policy, actor, grasp, action, f"noise{noise:g}" if noise else None)
     return make_format(format).default_id.format(task=task, words=words)

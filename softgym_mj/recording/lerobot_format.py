@@ -1,7 +1,7 @@
-"""LeRobot's datasets, version 3.0: numbers as Parquet, what cameras see as films.
+"""LeRobot datasets, version 3.0: numbers as Parquet, images as videos.
 
-They are written by LeRobot itself. A row is an env step: what was seen before it, the action, what
-came of it. What is seen after the last one is left out.
+LeRobot itself writes them. A row has the observation before an env step, the action and its
+outcome; the last observation of an episode is omitted.
 """
 
 import contextlib
@@ -23,16 +23,16 @@ from softgym_mj.rendering.observables import EXTERNAL, EXTERNAL_RGB, WRIST_RGB
 from softgym_mj.robots.base import Actor
 from softgym_mj.tasks.shared.observations import GOAL_RGB
 
-CODECS = ("libsvtav1", "h264", "hevc", "auto")  # Of LeRobot, its own choice first.
-# Observations that are states, and the places that LeRobot's policies have for them, in order.
+CODECS = ("libsvtav1", "h264", "hevc", "auto")  # Codecs of LeRobot, its default first.
+# Observations that are states, and LeRobot's features for them, in order.
 _STATES = ("proprioception", "reduced", "markov", "full")
 _PLACES = ("observation.state", "observation.environment_state")
-_PICTURE = 3  # Dimensions of what one camera sees in colors.
-_LARGEST = 1000  # Of denominators: rates of env steps are 100 by whole numbers.
+_PICTURE = 3  # Dimensions of what one camera sees in colours.
+_LARGEST = 1000  # Largest denominator; rates of env steps are 100 divided by integers.
 
 
 class _Rate(float):
-    """Frames in a second, for JSON and for PyAV, which wants a ratio: 12.5 is usual here."""
+    """Frame rate as a float for JSON and as a ratio for PyAV; typical is 12.5."""
 
     @property
     def _ratio(self) -> fractions.Fraction:
@@ -49,7 +49,7 @@ class _Rate(float):
 
 @contextlib.contextmanager
 def _quietly() -> Iterator[None]:
-    """Without the bars and warnings of libraries below LeRobot, of each episode anew."""
+    """Suppresses progress bars and warnings of LeRobot's libraries, one for each episode."""
     bars = import_extra("datasets", "LeRobot", "lerobot")
     shown = not bars.are_progress_bars_disabled()
     bars.disable_progress_bars()
@@ -62,12 +62,12 @@ def _quietly() -> Iterator[None]:
 
 
 class Column(NamedTuple):
-    """A feature of a dataset.
+    """Feature of a dataset.
 
     Attributes:
-        values: over the env steps (n, ...).
-        names: of its numbers, or of the axes of a picture; None if they have none.
-        is_film: whether it is encoded as one.
+        values: Values over the env steps (n, ...).
+        names: Names of its numbers, or of the axes of an image; None if they have none.
+        is_film: Whether it is encoded as a video.
     """
 
     values: np.ndarray
@@ -82,7 +82,7 @@ class LeRobot(Format):
     observation = "proprioception", "reduced"
 
     def __init__(self, codec: str = CODECS[0]):
-        """Chooses how films are encoded, one of `CODECS`; "auto" is what hardware can do.
+        """Sets the video codec, one of `CODECS`; "auto" selects a hardware encoder.
 
         Raises:
             InvalidArgumentError: for another codec.
@@ -150,7 +150,7 @@ class LeRobot(Format):
                     dataset,
                     _Rate(1.0 / played.control_timestep()),
                     {key: _feature(column) for key, column in result.items()},
-                    root=made,  # It wants a folder that is not there.
+                    root=made,  # LeRobot requires a folder that does not exist.
                     robot_type=actor.name,
                     vcodec=self._codec,
                 )
@@ -158,7 +158,7 @@ class LeRobot(Format):
                     step = {key: column.values[k] for key, column in result.items()}
                     writer.add_frame({**step, "task": words})
                 writer.save_episode(parallel_encoding=False)
-            assert writer is not None  # There is no dataset without an episode.
+            assert writer is not None  # Datasets have at least one episode.
             writer.finalize()
         for path in made.iterdir():
             path.rename(folder / path.name)
@@ -166,25 +166,24 @@ class LeRobot(Format):
 
 
 def _played(env: gymnasium.Env) -> Environment:
-    """What is within a Gymnasium environment."""
+    """Returns the `Environment` within a Gymnasium environment."""
     assert isinstance(env.unwrapped, SoftGymEnv)
     return env.unwrapped.dm_env
 
 
 def columns(episode: Mapping[str, Any], names: Sequence[str], actor: Actor) -> dict[str, Column]:
-    """The features of an episode of n env steps.
+    """Returns the features of an episode of n env steps.
 
-    The "action" is what is to be learned: with noise what the policy itself would have done, beside
-    the "executed_action". "observation.state" is what the actor senses of itself and
-    "observation.environment_state" a state of the task, which takes the first place where
-    the other is not observed. Pictures are "observation.images.CAMERA", what else is observed
-    keeps its name: "observation.depth".
+    "action" is the action to imitate; with noise it is the policy's own action, and
+    "executed_action" the applied one. "observation.state" is proprioception and
+    "observation.environment_state" a state of the task, which is "observation.state" without
+    proprioception. Images are "observation.images.CAMERA"; other observations keep their names,
+    such as "observation.depth".
 
     Args:
-        episode: as `episodes.nested` gives it.
-        names: of its observations; a single one is no dict there.
-        actor: who acts.
-
+        episode: Value of `episodes.nested`.
+        names: Names of its observations; a single one is no dict there.
+        actor: Actor of the environment.
     """
     count, infos, seen = len(episode["actions"]), episode["infos"], episode["observations"]
     entries = [f"{name} [{unit}]" if unit else name for name, unit, _ in actor.actions.entries]
@@ -203,7 +202,7 @@ def columns(episode: Mapping[str, Any], names: Sequence[str], actor: Actor) -> d
 
 
 def _seen(observations: Mapping[str, np.ndarray], actor: Actor) -> dict[str, Column]:
-    """Observations over time as features."""
+    """Returns observations over time as features."""
     states = [name for name in _STATES if name in observations]
     result = {
         place: Column(observations[name], _sensed(actor) if name == _STATES[0] else None)
@@ -224,12 +223,12 @@ def _seen(observations: Mapping[str, np.ndarray], actor: Actor) -> dict[str, Col
 
 
 def _is_seen(kind: np.dtype, dimensions: int) -> bool:
-    """Whether an observation is what cameras see in colors."""
+    """Returns whether an observation is a color image."""
     return kind == np.uint8 and dimensions >= _PICTURE
 
 
 def _sensed(actor: Actor) -> list[str]:
-    """Names of the numbers of `proprioception`."""
+    """Returns the names of the entries of `proprioception`."""
     return [
         what if size == 1 else f"{what}, {k}"
         for what, size in actor.senses.items()
@@ -238,6 +237,6 @@ def _sensed(actor: Actor) -> list[str]:
 
 
 def _feature(column: Column) -> dict[str, Any]:
-    """What LeRobot calls a feature."""
+    """Returns LeRobot's description of a feature."""
     kind = "video" if column.is_film else column.values.dtype.name
     return {"dtype": kind, "shape": column.values.shape[1:], "names": column.names}

@@ -1,4 +1,4 @@
-"""Minari's datasets, of which images are compressed without loss."""
+"""Minari datasets, with losslessly compressed images."""
 
 import os
 import pathlib
@@ -14,13 +14,13 @@ from softgym_mj.exceptions import InvalidArgumentError, import_extra
 from softgym_mj.recording.datasets import About, Format
 from softgym_mj.storage.files import naming
 
-_OVERHEAD = 1 << 20  # More than HDF5 needs for an episode besides its numbers [bytes].
-# Of a frame in a chunk of the file [bytes]: a chunk has the same stripe of all frames, one behind
-# the other. Deflate looks back 32 KiB, so it sees a stripe's last thirty frames, which resemble
-# each other; of whole frames it would not even see the last one.
+_OVERHEAD = 1 << 20  # Upper bound of HDF5's overhead for an episode [bytes].
+# Size of a frame in a chunk of the file [bytes]. A chunk has the same stripe of consecutive frames.
+# Deflate searches the last 32 KiB, which are about thirty similar stripes but less than one whole
+# frame.
 _STRIPE = 1 << 10
-_LEVEL = 6  # Of deflate; below, it gives up looking too soon: files of twice the size.
-_IMAGE = 3  # Dimensions, with time, from which on observations are worth it.
+_LEVEL = 6  # Level of deflate; lower levels give files of twice the size.
+_IMAGE = 3  # Minimum number of dimensions, with time, of compressed observations.
 
 
 class Minari(Format):
@@ -34,7 +34,7 @@ class Minari(Format):
         minari = import_extra("minari", "Minari", "datasets")
         try:
             minari.dataset.minari_dataset.parse_dataset_id(dataset)
-        except (ValueError, TypeError):  # The second without a version.
+        except (ValueError, TypeError):  # TypeError: an id without a version.
             valid = (
                 "NAMESPACE/NAME-v0 of letters, digits, - and _, such as 'rope/expert-v0'; a "
                 "namespace has two or more of them, can have parts (a/b/c) and can be left out"
@@ -70,15 +70,15 @@ class Minari(Format):
     ) -> None:
         """See `Format`."""
         minari = import_extra("minari", "Minari", "datasets")
-        # Not `create_dataset_from_buffers`, which wants all episodes and the final folder.
+        # `create_dataset_from_buffers` would need all episodes in memory and the final folder.
         storage = minari.dataset.minari_storage.MinariStorage.new(
             folder / "data",
             observation_space=env.observation_space,
             action_space=env.action_space,
             env_spec=env.spec,
-            jpeg_encoding=False,  # It would change images.
+            jpeg_encoding=False,  # JPEG is lossy.
         )
-        signed = {  # Minari wants sets of authors.
+        signed = {  # Minari expects sets of authors.
             "author": None if about.author is None else {about.author},
             "author_email": None if about.author_email is None else {about.author_email},
             "code_permalink": about.code_permalink,
@@ -102,7 +102,7 @@ class Minari(Format):
 
 
 def _check_room(folder: pathlib.Path, size: int) -> None:
-    """Raises OSError unless so many bytes fit there: without room, HDF5 ends the process."""
+    """Raises OSError if a folder lacks free space [bytes], as HDF5 would end the process."""
     with tempfile.TemporaryFile(dir=folder) as stream:
         stream.write(bytes(size))
         stream.flush()
@@ -112,7 +112,7 @@ def _check_room(folder: pathlib.Path, size: int) -> None:
 def _place_images(
     file: pathlib.Path, number: int, observations: np.ndarray | Mapping[str, Any]
 ) -> None:
-    """Makes places for the images of an episode, into which Minari then appends them."""
+    """Creates compressed HDF5 datasets for an episode's images, to which Minari appends."""
     import h5py
 
     with h5py.File(file, "a", track_order=True) as opened:
@@ -126,7 +126,7 @@ def _place_images(
 
 
 def _arrays(name: str, value: np.ndarray | Mapping[str, Any]) -> Iterator[tuple[str, np.ndarray]]:
-    """All arrays of nested dicts, with their paths."""
+    """Yields all arrays of nested dicts, with their paths."""
     if isinstance(value, Mapping):
         for key, inner in value.items():
             yield from _arrays(f"{name}/{key}", inner)
@@ -135,7 +135,7 @@ def _arrays(name: str, value: np.ndarray | Mapping[str, Any]) -> Iterator[tuple[
 
 
 def chunk(array: np.ndarray) -> tuple[int, ...]:
-    """The shape of chunks (n, ...) of which a frame has no more than `_STRIPE` bytes."""
+    """Returns the shape of chunks (n, ...) with at most `_STRIPE` bytes of each frame."""
     shape = list(array.shape)
     for axis in range(1, array.ndim):
         size = int(np.prod(shape[1:])) * array.itemsize

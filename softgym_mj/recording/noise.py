@@ -1,8 +1,7 @@
-"""Noise on what a policy does: demonstrations then show how errors are made good.
+"""Noise on a policy's actions, so that demonstrations show corrections of errors.
 
-DART (Laskey et al., 2017, https://arxiv.org/abs/1703.09327): what is applied is the policy's action
-with Gaussian noise, which leads to where a learner's errors would; what is learned is the policy's
-own action there.
+DART (Laskey et al., 2017, https://arxiv.org/abs/1703.09327): the applied action has Gaussian noise,
+which leads to states that a learner's errors would reach; the policy's own action is the label.
 """
 
 from collections.abc import Callable
@@ -12,12 +11,12 @@ import numpy as np
 from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.robots.base import Actor
 
-LARGEST = 1.0  # Half the range of an action: more is mostly clipped.
-_KEY = 0x44415254  # Keeps the numbers apart from those of the random policy.
+LARGEST = 1.0  # Half the range of an action; larger noise is mostly clipped.
+_KEY = 0x44415254  # Separates the random numbers from those of the random policy.
 
 
 def check_noise(noise: float, seed: int = 0) -> None:
-    """Raises `InvalidArgumentError` unless actions can have noise of this deviation and seed."""
+    """Raises `InvalidArgumentError` for an invalid standard deviation or seed of noise."""
     check_count("seed", seed, 0)
     if not 0.0 <= noise <= LARGEST:
         raise InvalidArgumentError("noise", noise, f"0..{LARGEST:g}, of actions in -1..1")
@@ -26,14 +25,14 @@ def check_noise(noise: float, seed: int = 0) -> None:
 def disturbance(
     actor: Actor, noise: float, seed: int, variation: int
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """What makes of an action (size,) in [-1, 1] one with noise, clipped to these bounds.
+    """Returns a function that adds noise to an action (size,) and clips it to [-1, 1].
 
-    The `switches` of an action stay as they are: noise on these drops what is held.
+    The actor's `switches` get no noise, which would release held objects.
 
     Args:
-        actor: whose actions they are.
-        noise: standard deviation of each other entry.
-        seed, variation: what the noise of an episode depends on.
+        actor: Actor of the actions.
+        noise: Standard deviation of the other entries.
+        seed, variation: Seed of the noise of an episode.
     """
     deviation = np.full(actor.action_size, noise)
     deviation[list(actor.actions.switches)] = 0.0

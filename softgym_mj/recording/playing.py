@@ -1,4 +1,4 @@
-"""Plays an episode in any process, from what can be sent there."""
+"""Plays an episode in any process, from picklable arguments."""
 
 import functools
 import json
@@ -25,27 +25,28 @@ def played(
     noise: float,
     variation: int,
 ) -> dict[str, np.ndarray]:
-    """The arrays of an episode, as `play` returns them.
+    """Plays an episode and returns its arrays, as `play` does.
 
     Args:
-        task: as `policies.rollouts.sent_to` returns it.
-        settings: keyword arguments of the environment as JSON.
-        policy, seed, trust, idle, noise: as in `recording.record`.
-        variation: index 0..999.
+        task: Value of `policies.rollouts.sent_to`.
+        settings: Keyword arguments of the environment as JSON.
+        policy, seed, trust, idle, noise: Arguments of `recording.record`.
+        variation: Index 0..999.
     """
     env = _environment(task, settings)
-    # A policy of its own, which cannot depend on what was played before.
+    # A new policy for each episode: it cannot depend on earlier ones.
     act = make_policy(policy, env.dm_env, seed, trust=trust)
     disturb = disturbance(env.dm_env.task.actor, noise, seed, variation)
 
     def finished() -> bool:
-        return getattr(act, "finished", False)  # Experts alone know.
+        return getattr(act, "finished", False)  # Only experts have this attribute.
 
     def at_rest(info: dict) -> bool:
-        return idle == "drop" and finished() and info.get("max_speed", 0.0) < RESTING  # Not water.
+        # Water has no `max_speed`.
+        return idle == "drop" and finished() and info.get("max_speed", 0.0) < RESTING
 
     def disturbed(action: np.ndarray) -> np.ndarray:
-        # Who has finished makes nothing good any more: noise would only spoil it.
+        # An expert that has finished would not correct the noise.
         return action if finished() else disturb(action)
 
     return play(env, act, variation, at_rest, disturbed if noise else None)
@@ -53,6 +54,6 @@ def played(
 
 @functools.lru_cache(maxsize=1)
 def _environment(task: TaskRecord | bytes, settings: str) -> SoftGymEnv:
-    """This process's environment of a task."""
+    """Returns this process's cached environment of a task."""
     record = pickle.loads(task).fn if isinstance(task, bytes) else task
     return SoftGymEnv(record, split="all", **json.loads(settings))

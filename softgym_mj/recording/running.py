@@ -1,4 +1,4 @@
-"""Records a dataset, which can be killed and run again.
+"""Records a dataset; an interrupted recording continues from its finished episodes.
 
 Every episode is a pure function of the configuration and its variation.
 """
@@ -30,7 +30,7 @@ from softgym_mj.validation import typed
 from softgym_mj.variations.indices import SPLITS, check_settings, check_variation
 
 IDLE = ("keep", "drop")
-_NO_NUMBERS = ("cameras", LABEL)  # Infos that say nothing about an episode.
+_NO_NUMBERS = ("cameras", LABEL)  # Infos that are omitted in `on_episode`.
 
 
 @typed
@@ -54,51 +54,48 @@ def record(
     on_episode: Callable[[dict], None] = lambda info: None,
     **settings: Any,
 ) -> Any:
-    """Plays a policy once in each variation and stores what happens.
+    """Plays a policy once in each variation and stores the episodes as a dataset.
 
-    With noise the actions of the dataset are those that were applied, which give its observations;
-    what the policy itself would have done before each of them is `infos["expert_action"]`, as
-    many. Datasets of LeRobot have these as actions, beside those that were applied.
+    With noise, the dataset's actions are the applied ones, and `infos["expert_action"]` has the
+    policy's own. LeRobot datasets have the policy's own actions as "action" and the applied ones as
+    "executed_action".
 
-    Each episode is in a file once it is finished. Who was interrupted or killed goes on from there
-    with the same call, or one with other variations; with the last, the files become the dataset.
-    The same call once more plays nothing and returns what is there.
+    Each finished episode is stored in a file. The same call continues an interrupted recording,
+    also with other variations. If the dataset exists, it is returned and nothing is played.
 
-    The environment that the dataset names draws variations of the split in which all recorded ones
-    are, "all" only if there is none, and `recover_environment(eval_env=True)` those of "evaluate".
+    The environment that the dataset names draws variations of the split that contains all recorded
+    ones ("all" if there is none); `recover_environment(eval_env=True)` draws those of "evaluate".
 
     Args:
-        task: task name, or "module:name" as in `registry.find`.
-        variations: indices, in the order of the episodes.
-        policy: of `policies.factory`.
-        dataset: id of the dataset; None for `dataset_name` of task, policy, actor, grasp,
-            action and noise.
-        format: "minari" or "lerobot", as in `recording.formats`.
-        codec: of LeRobot's films, "libsvtav1" (AV1; its own choice), "h264", "hevc" or "auto";
-            Minari's images are kept without loss.
-        seed, trust: of the policy, as in `make_policy`; noise depends on the seed, too.
-        successful_only: leaves out episodes whose last `info["success"]` is false.
-        idle: "keep", or "drop" to end an episode, truncated, once the expert has `finished` and the
-            cloth or rope has come to rest.
-        noise: standard deviation of the noise on actions, 0..1 in their units, as in
-            `noise.disturbance`; an expert that has `finished` rests without.
-        jobs: processes that play; what they play is the same.
-        author, author_email, code_permalink: of Minari's dataset; what is None, it does not say.
-        on_episode: called with the numbers of the last info of each episode, as they come.
-        **settings: keyword arguments of the Gymnasium environment, such as `observation`.
+        task: Task name, or "module:name" as in `registry.find`.
+        variations: Indices, in the order of the episodes.
+        policy: Policy name, file or function, as in `policies.factory.make_policy`.
+        dataset: Id of the dataset; None for `dataset_name` of task, policy, actor, grasp, action
+            and noise.
+        format: "minari" or "lerobot".
+        codec: Codec of LeRobot's videos: "libsvtav1" (AV1, the default), "h264", "hevc" or "auto".
+            Minari's images are lossless.
+        seed, trust: Arguments of `make_policy`; the seed is also that of the noise.
+        successful_only: Whether to omit episodes whose last `info["success"]` is false.
+        idle: "keep", or "drop" to truncate an episode when the expert has `finished` and cloth or
+            rope is at rest.
+        noise: Standard deviation of the noise on actions, 0..1, as in `noise.disturbance`; an
+            expert that has `finished` acts without noise.
+        jobs: Number of processes; the dataset does not depend on it.
+        author, author_email, code_permalink: Metadata of a Minari dataset; None omits them.
+        on_episode: Called with the numbers of the last info of each finished episode.
+        **settings: Keyword arguments of the Gymnasium environment, such as `observation`.
 
     Returns:
         The dataset as its library reads it: `minari.MinariDataset` or `LeRobotDataset`.
 
     Raises:
         UnavailableError: if the library is missing.
-        StoreError: if a dataset of this id exists that was recorded otherwise, or it cannot be
-            written; for episodes of an unfinished recording with other settings or damaged files.
-        InvalidArgumentError: for a variation that does not exist, or none; an id that is none; an
-            unknown format or codec; an author where the format has no place for one; if
-            `idle` is bad, or is "drop" and the policy is none that says when it has finished; if
-            `noise` or `jobs` are out of range; for settings that JSON cannot hold; if no episode is
-            left; for a bad task or policy; if the policy is "scripted" and the task has no expert.
+        StoreError: if a dataset of this id has other settings or cannot be written, or if an
+            unfinished recording has other settings or damaged files.
+        InvalidArgumentError: for an invalid argument or combination: no variation, an author that
+            the format cannot store, `idle="drop"` with a policy that is no expert, settings that
+            JSON cannot hold, no expert of the task; if no episode is left.
     """
     result = registry.find(task)
     variations = [check_variation(variation) for variation in variations]
@@ -176,14 +173,14 @@ def record(
 
 
 def _sources(policy: str, seed: int, task: registry.TaskRecord) -> dict[str, str]:
-    """SHA-256 of what says what a policy does, by name; those of files and of experts change."""
+    """Returns the SHA-256 of the sources of a policy, by name."""
     if policy == "scripted":
         return {policy: sources_sha256(task)}
     return sha256(policy, seed) if is_saved(policy) else {}
 
 
 def _evaluation_spec(env: gymnasium.Env, settings: dict[str, Any]) -> str:
-    """The environment with evaluation variations, as JSON.
+    """Returns the environment with evaluation variations, as JSON.
 
     Raises:
         InvalidArgumentError: if JSON cannot hold the settings.
@@ -198,10 +195,9 @@ def _evaluation_spec(env: gymnasium.Env, settings: dict[str, Any]) -> str:
 
 
 def _with_module(record: registry.TaskRecord) -> str:
-    """The name of a task with the module that another process has to import, if it can.
+    """Returns the name of a task, with the module of its class if other processes can import it.
 
-    That is the module of the task's class, as far as it is found there; what a script or a notebook
-    defines is not.
+    Classes of scripts and notebooks cannot be imported.
     """
     task_class = record.resolve()
     module, name = task_class.__module__, task_class.__qualname__

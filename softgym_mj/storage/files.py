@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all; what cannot be read or written is a `StoreError`."""
+"""Atomic reading and writing of files; failures are raised as `StoreError`."""
 
 import contextlib
 import json
@@ -13,18 +13,18 @@ from softgym_mj.exceptions import SoftGymError, StoreError
 
 try:
     import fcntl
-except ImportError:  # On Windows, which has no such flag either.
+except ImportError:  # Windows, which has no O_NONBLOCK either.
     fcntl = None  # type: ignore[assignment]
-NONBLOCK = getattr(os, "O_NONBLOCK", 0)  # With it a pipe is opened at once.
+NONBLOCK = getattr(os, "O_NONBLOCK", 0)  # Opens a pipe without waiting for its other end.
 PARTIAL = ".{}.{}.partial"  # Name of a file while it is written.
 
 
 @contextlib.contextmanager
 def naming(path: str | os.PathLike[str], action: str) -> Iterator[None]:
-    """Raises what the system has against reading or writing files as a `StoreError`.
+    """Raises errors of reading or writing files as `StoreError`.
 
     Args:
-        path: what the error names.
+        path: Path in the message.
         action: "read" or "written".
     """
     try:
@@ -35,16 +35,16 @@ def naming(path: str | os.PathLike[str], action: str) -> Iterator[None]:
         OSError,
         ValueError,
         RuntimeError,
-    ) as error:  # The latter of odd paths, HDF5 and deep JSON.
+    ) as error:  # Invalid paths, HDF5 and deeply nested JSON raise the last two.
         reason = getattr(error, "strerror", None) or error
         raise StoreError(f"{path} cannot be {action}: {reason}") from error
 
 
 def read_whole(file: str | os.PathLike[str]) -> bytes:
-    """The content of a file.
+    """Returns the content of a file.
 
     Raises:
-        StoreError: if there is none, or something else: a pipe or a device may never end.
+        StoreError: if there is no regular file: a pipe or a device may never end.
     """
     with (
         naming(file, "read"),
@@ -56,7 +56,7 @@ def read_whole(file: str | os.PathLike[str]) -> bytes:
 
 
 def make_folder(folder: pathlib.Path) -> None:
-    """Makes a folder and those around it; before work whose results it is for.
+    """Creates a folder and its parents.
 
     Raises:
         StoreError: if it cannot be made.
@@ -67,12 +67,12 @@ def make_folder(folder: pathlib.Path) -> None:
 
 @contextlib.contextmanager
 def whole(file: pathlib.Path) -> Iterator[pathlib.Path]:
-    """Gives a path to write to, which becomes `file` in the end; makes the folders around it.
+    """Yields a temporary path that is renamed to `file` at the end; creates parent folders.
 
-    Whoever is killed leaves the old file or none; the next one to write there tidies up.
+    A killed process leaves the old file or none; the next writer removes its temporary file.
 
     Raises:
-        StoreError: if it cannot be written, or something else is there: it would be replaced.
+        StoreError: if it cannot be written, or if `file` exists and is no regular file.
     """
     partial = file.with_name(PARTIAL.format(file.name, secrets.token_hex(8)))
     with naming(file, "written"):
@@ -91,13 +91,13 @@ def whole(file: pathlib.Path) -> Iterator[pathlib.Path]:
 
 @contextlib.contextmanager
 def _among_writers(folder: pathlib.Path) -> Iterator[None]:
-    """Shares a lock, which ends with its process: who has it alone removes what the killed left."""
+    """Holds a shared lock on a folder; a sole holder first removes files of killed processes."""
     if fcntl is None:
         yield
         return
     lock = os.open(folder, os.O_RDONLY)
     try:
-        with contextlib.suppress(OSError):  # Somebody writes, or this file system has no locks.
+        with contextlib.suppress(OSError):  # Another process writes, or there are no file locks.
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             for partial in folder.glob(PARTIAL.format("*", "*")):
                 partial.unlink(missing_ok=True)
@@ -109,18 +109,18 @@ def _among_writers(folder: pathlib.Path) -> Iterator[None]:
 
 
 def write_whole(file: pathlib.Path, content: bytes) -> None:
-    """Writes a file as `whole` does."""
+    """Writes a file atomically."""
     with whole(file) as partial:
         partial.write_bytes(content)
 
 
 def write_json(file: pathlib.Path, content: Mapping[str, Any]) -> None:
-    """Writes a JSON object as `whole` does."""
+    """Writes a JSON object atomically."""
     write_whole(file, (json.dumps(content, indent=2) + "\n").encode())
 
 
 def read_json(file: pathlib.Path) -> dict[str, Any]:
-    """Reads what `write_json` wrote.
+    """Returns the JSON object in a file.
 
     Raises:
         StoreError: if it is no JSON object.

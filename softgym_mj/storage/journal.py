@@ -1,4 +1,4 @@
-"""`Journal`: what leads to a value, as it comes, so that work that was killed goes on within it."""
+"""`Journal`: an append-only log of partial results, from which interrupted work continues."""
 
 import hashlib
 import json
@@ -11,24 +11,24 @@ from softgym_mj.storage.files import naming, read_whole, write_whole
 
 
 class Journal:
-    """A file of one line for each entry, which is JSON, with a checksum of all that came before.
+    """File with one JSON entry a line and a checksum of all entries so far.
 
-    The first line says whose journal it is. So it is refused when it is altered or another's; a
-    last line that was not finished is cut off.
+    The first line names the owner. Altered journals and those of other owners raise an error; an
+    incomplete last line is removed.
     """
 
     def __init__(self, file: pathlib.Path, owner: str):
-        """Names a file; nothing is read or written yet.
+        """Sets the file, without reading or writing it.
 
         Args:
-            file: of this journal alone.
-            owner: one line that differs from those of all other journals.
+            file: File of this journal alone.
+            owner: Line that identifies this journal.
         """
         self._file, self._first = file, owner.encode() + b"\n"
         self._checksum = ""
 
     def read(self) -> list[Any]:
-        """The entries.
+        """Returns the entries.
 
         Raises:
             StoreError: for another's journal or one that is damaged.
@@ -49,7 +49,7 @@ class Journal:
         return entries
 
     def append(self, entry: Any) -> None:
-        """Adds an entry to those that were read."""
+        """Appends an entry to the file, after `read`."""
         text = json.dumps(entry).encode() + b"\n"  # repr of floats is exact.
         with naming(self._file, "written"), open(self._file, "ab") as stream:
             stream.write(f"{self._next(text)} ".encode() + text)
@@ -57,6 +57,6 @@ class Journal:
             os.fsync(stream.fileno())
 
     def _next(self, text: bytes) -> str:
-        """The checksum of an entry and of all before."""
+        """Returns the checksum of an entry and all before it."""
         self._checksum = hashlib.sha256(self._checksum.encode() + text).hexdigest()
         return self._checksum

@@ -1,8 +1,8 @@
-"""`Store`: values by key, a file each, so that work that was killed goes on from what is there.
+"""`Store`: values by key, one file each, so that interrupted work continues from finished values.
 
-A file has a line of JSON with the digest of the specification, the key and the checksum of the
-content, which follows. So it is refused when it is truncated or altered, was made under other
-settings or lies in the place of another key.
+A file has a JSON line with the digest of the specification, the key and the checksum of the
+content, then the content. A file that is truncated, altered, renamed or of another specification
+raises an error.
 """
 
 import hashlib
@@ -22,11 +22,11 @@ from softgym_mj.storage.journal import Journal
 
 Key = int | str | tuple[int | str, ...]
 
-_SHOWN = 300  # Bytes of a wrong header in a message.
+_SHOWN = 300  # Maximum number of bytes of a wrong header in a message.
 
 
 class Codec(NamedTuple):
-    """How values become bytes, the same for the same value, and come back."""
+    """Deterministic encoding of values as bytes, and its inverse."""
 
     encode: Callable[[Any], bytes]
     decode: Callable[[bytes], Any]
@@ -52,12 +52,12 @@ def _damaged(file: pathlib.Path, reason: str) -> SoftGymError:
 
 
 class Store:
-    """A folder of values that all belong to one specification.
+    """Folder of values of one specification.
 
     Attributes:
-        folder: where the files are.
-        text: the specification as JSON.
-        digest: SHA-256 of that.
+        folder: Folder of the files.
+        text: Specification as JSON.
+        digest: SHA-256 of `text`.
     """
 
     def __init__(
@@ -67,15 +67,15 @@ class Store:
         codec: Codec,
         damaged: Callable[[pathlib.Path, str], SoftGymError] = _damaged,
     ):
-        """Names a folder; nothing is read or written yet.
+        """Sets the folder, without reading or writing it.
 
         Args:
-            folder: of this store alone.
-            specification: everything, JSON-able, that a value depends on besides its key.
+            folder: Folder of this store alone.
+            specification: All that a value depends on besides its key; JSON.
             codec: `ARRAYS` or `JSON`.
-            damaged: the error for a file and what is wrong with it.
+            damaged: Makes the error for a damaged file from its path and a reason.
         """
-        self._specification = json.loads(json.dumps(specification))  # Tuples are lists there.
+        self._specification = json.loads(json.dumps(specification))  # JSON has no tuples.
         self.text = json.dumps(self._specification, sort_keys=True)
         self.digest = hashlib.sha256(self.text.encode()).hexdigest()
         self.folder, self._codec, self._damaged = folder, codec, damaged
@@ -86,11 +86,11 @@ class Store:
         return self.folder / "specification.json"
 
     def is_empty(self) -> bool:
-        """Whether the folder holds nothing but a specification."""
+        """Returns whether the folder holds nothing but a specification."""
         return all(file == self._claim for file in self.folder.glob("[!.]*"))
 
     def differences(self) -> list[str]:
-        """The parts of the specification that are others for what the folder holds.
+        """Returns the entries of the specification that differ from those of the folder.
 
         Raises:
             StoreError: if the folder's specification is damaged.
@@ -106,22 +106,22 @@ class Store:
         self._claimed = True
 
     def file(self, key: Key) -> pathlib.Path:
-        """The file of a key: "0004.value", "0800_0000.value"."""
+        """Returns the file of a key: "0004.value", "0800_0000.value"."""
         parts = key if isinstance(key, tuple) else (key,)
         names = [f"{part:04d}" if isinstance(part, int) else part for part in parts]
         return self.folder / f"{'_'.join(names)}.value"
 
     def has(self, key: Key) -> bool:
-        """Whether there is a file of this key, whatever is in it."""
+        """Returns whether there is a file of this key, valid or not."""
         return os.path.lexists(self.file(key))
 
     def get(self, key: Key) -> Any:
-        """The value of a key.
+        """Returns the value of a key.
 
         Raises:
             FileNotFoundError: if there is none.
-            SoftGymError: the store's own for a file that is damaged, or of another specification
-                or key.
+            SoftGymError: the store's own, for a file that is damaged or belongs to another
+                specification or key.
         """
         file = self.file(key)
         if not self.has(key):
@@ -134,14 +134,14 @@ class Store:
         return self._codec.decode(content)
 
     def put(self, key: Key, value: Any) -> None:
-        """Keeps a value: its file is written whole or not at all."""
+        """Stores a value; its file is written atomically."""
         if not self._claimed:
             self.claim()
         content = self._codec.encode(value)
         write_whole(self.file(key), self._header(key, content) + b"\n" + content)
 
     def journal(self, key: Key) -> Journal:
-        """The journal of a value that is being made; the folder is this specification's."""
+        """Returns the journal of a value that is being computed."""
         owner = {"specification": self.digest, "key": key}
         return Journal(self.file(key).with_suffix(".jsonl"), json.dumps(owner))
 
@@ -159,18 +159,17 @@ class Store:
         *,
         replace: bool = False,
     ) -> int:
-        """Makes the values that are missing; may be killed and run again.
+        """Computes and stores missing values; the same call continues an interrupted one.
 
         Args:
-            keys: of all values.
-            function: makes the value of a key, or of the parts of a key; as executors take it.
-            executor: where it is called, which the files do not depend on; None for this process.
-            progress: called with key and value of each file that is there; then, as they come, of
-                each new one.
-            replace: whether damaged files count as missing; else they are an error.
+            keys: Keys of all values.
+            function: Computes the value of a key, or of the parts of a key.
+            executor: Executor of these calls; None for this process.
+            progress: Called with key and value of each stored value, then of each new one.
+            replace: Whether damaged files are replaced; otherwise they raise an error.
 
         Returns:
-            How many values were made.
+            Number of values that were computed.
         """
         absent = (FileNotFoundError, SoftGymError) if replace else FileNotFoundError
         missing: list[Key] = []

@@ -87,7 +87,7 @@ class Clone(nn.Module):
         self.body = MLP(sources, [shown.shape[-1], *hidden, action])
 
     def mean(self, observation: Tensor) -> Tensor:
-        """Actions (seeds, n, action) for observations (seeds, n, observation)."""
+        """Returns actions (seeds, n, action) for observations (seeds, n, observation)."""
         return torch.tanh(self.body(self.seen(observation)))
 
 
@@ -168,7 +168,7 @@ class BC:
 
 
 def make(settings: BCSettings, problem: Problem) -> BC:
-    """The learner of a problem, which waits for demonstrations that have not been played yet."""
+    """Creates the learner of a problem, after collecting missing demonstrations."""
     shapes = symmetries(problem.example()) if settings.symmetric else ()
     shown = collect(problem, settings.demonstrations, settings.jobs, noise=settings.noise)
     return BC(settings, problem.seeds, shown, shapes)

@@ -103,7 +103,7 @@ class BCImages(Distill):
 
 
 def make(settings: BCImagesSettings, problem: Problem) -> BCImages:
-    """Returns the learner of a problem, which waits for demonstrations that were never played."""
+    """Creates the learner of a problem, after collecting missing demonstrations."""
     if not problem.shapes:
         shapes = {str(problem.observed): problem.observation}
         problem = dataclasses.replace(problem, shapes=shapes)

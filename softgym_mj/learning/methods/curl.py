@@ -120,7 +120,7 @@ class CURL(PixelSAC):
     # ------------------------------------------------------------------ state
 
     def get_state(self) -> dict[str, Any]:
-        """All that `set_state` needs to go on with the same numbers."""
+        """Returns all that `set_state` needs to go on with the same numbers."""
         return super().get_state() | {"contrast": copy.deepcopy(self.contrast.state_dict())}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
@@ -134,7 +134,7 @@ class CURL(PixelSAC):
 
 
 def make(settings: CURLSettings, problem: Problem) -> OffPolicy:
-    """The `Learner` of a problem.
+    """Returns the `Learner` of a problem.
 
     Raises:
         InvalidArgumentError: for a problem without images, or crops larger than these.

@@ -53,7 +53,7 @@ class DrQ(PixelSAC):
         return super().update(self._shifted(batch))
 
     def _shifted(self, batch: Batch) -> Batch:
-        """The batch (seeds, 2 n, ...) with images shifted."""
+        """Returns the batch (seeds, 2 n, ...) with images shifted."""
         whole = {
             name: value.repeat(1, _SHIFTS, *[1] * (value.ndim - 2))
             for name, value in vars(batch).items()
@@ -80,7 +80,7 @@ class DrQ(PixelSAC):
 
 
 def make(settings: DrQSettings, problem: Problem) -> OffPolicy:
-    """The `Learner` of a problem.
+    """Returns the `Learner` of a problem.
 
     Raises:
         InvalidArgumentError: for a problem without images.

@@ -99,7 +99,7 @@ class HindsightReplay(Replay):
     def _from(
         self, first: Tensor, env_index: Tensor, ahead: Tensor
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """Where in what is kept the steps (seeds, n, k) so many ahead of the first ones are."""
+        """Returns indices (vector step, seed, environment) of the steps (seeds, n, k) ahead."""
         seed = torch.arange(self._seeds, device=first.device)[:, None, None]
         return (first[..., None] + ahead) % self._capacity, seed, env_index[..., None]
 
@@ -125,7 +125,7 @@ class HindsightReplay(Replay):
 
 
 def reduced(of: Goals, full: Tensor, goal: dict[str, Tensor] | None = None) -> Tensor:
-    """The task's reduced states (..., k) of full ones (..., n), if told with other goals."""
+    """Converts full states (..., n) to reduced ones (..., k), optionally with other goals."""
     state, episode = of.read(full)
     if goal is not None:
         episode = dataclasses.replace(episode, goal=goal)
@@ -133,7 +133,7 @@ def reduced(of: Goals, full: Tensor, goal: dict[str, Tensor] | None = None) -> T
 
 
 def _where(which: Tensor, these: Tensor, others: Tensor) -> Tensor:
-    """Arrays (seeds, n, ...) of these where `which` (seeds, n), else of others."""
+    """Returns arrays (seeds, n, ...) of these where `which` (seeds, n), else of others."""
     return torch.where(which.reshape(*which.shape, *[1] * (others.ndim - 2)), these, others)
 
 
@@ -161,7 +161,7 @@ class HindsightSAC(SAC):
         self._goals = of
 
     def act(self, observation: Tensor, *, explore: bool) -> Tensor:
-        """Actions (seeds, n, action) for full states (seeds, n, observation)."""
+        """Returns actions (seeds, n, action) for full states (seeds, n, observation)."""
         return super().act(reduced(self._goals, observation), explore=explore)
 
     def policy(self, seed: int) -> nn.Module:
@@ -182,7 +182,7 @@ class _Reduced(nn.Module):
 
 
 def make(settings: HindsightSettings, problem: Problem) -> OffPolicy:
-    """The `Learner` of a problem.
+    """Returns the `Learner` of a problem.
 
     Raises:
         InvalidArgumentError: for a task whose goal is not drawn, or other observations than full.

@@ -68,7 +68,7 @@ def picture_size(problem: Problem) -> tuple[int, int]:
 
 
 def cropped(pictures: Tensor, size: tuple[int, int], shares: Tensor, pad: int = 0) -> Tensor:
-    """A part (seeds, n, *size, 3) of each picture.
+    """Returns a part (seeds, n, *size, 3) of each picture.
 
     Args:
         pictures: (seeds, n, height, width, 3).
@@ -85,8 +85,8 @@ def cropped(pictures: Tensor, size: tuple[int, int], shares: Tensor, pad: int = 
     return pictures[*which, rows[..., :, None], columns[..., None, :]]
 
 
-def center(pictures: Tensor, size: tuple[int, int]) -> Tensor:
-    """The part (..., *size, 3) in the middle of pictures (..., height, width, 3)."""
+def centre(pictures: Tensor, size: tuple[int, int]) -> Tensor:
+    """Returns the part (..., *size, 3) in the middle of pictures (..., height, width, 3)."""
     (height, width), (rows, columns) = pictures.shape[-3:-1], size
     top, left = (height - rows) // 2, (width - columns) // 2
     return pictures[..., top : top + rows, left : left + columns, :]
@@ -151,7 +151,7 @@ class StopGradient(nn.Module):
     """Lets no gradient through."""
 
     def forward(self, x: Tensor) -> Tensor:
-        """The same numbers."""
+        """Returns the same numbers."""
         return x.detach()
 
 

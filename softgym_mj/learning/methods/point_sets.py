@@ -193,7 +193,7 @@ class PointSAC(SAC):
 
 
 def full_symmetries(env: Environment) -> list[Symmetry]:
-    """Those of a task, of its full states, but for such that only order points otherwise.
+    """Returns those of a task, of its full states, but for such that only order points otherwise.
 
     Args:
         env: plays the task; after a reset.
@@ -213,7 +213,7 @@ def full_symmetries(env: Environment) -> list[Symmetry]:
 
 
 def make(settings: PointSetSettings, problem: Problem) -> OffPolicy:
-    """The `Learner` of a problem.
+    """Returns the `Learner` of a problem.
 
     Raises:
         InvalidArgumentError: for other observations than full.

@@ -72,7 +72,7 @@ class RLPDSettings(StateSACSettings):
 
 
 def least(values: Tensor, shares: Tensor, number: int) -> Tensor:
-    """The least (seeds, n) of so many of the values (critics, seeds, n).
+    """Returns the least (seeds, n) of so many of the values (critics, seeds, n).
 
     Args:
         values: of all.
@@ -138,7 +138,7 @@ class RLPD(SAC):
 
 
 def make(settings: RLPDSettings, problem: Problem) -> OffPolicy:
-    """The `Learner` of a problem, which waits for demonstrations that were not played yet."""
+    """Creates the learner of a problem, after collecting missing demonstrations."""
     shown = collect(problem, settings.demonstrations, settings.jobs)
     replay = replay_of(
         shown, problem.seeds, discount=settings.discount, steps=settings.n_step,

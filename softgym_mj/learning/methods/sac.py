@@ -186,7 +186,7 @@ class SAC:
     # ------------------------------------------------------------------ losses
 
     def _judged(self, values: Tensor) -> Tensor:
-        """The value (seeds, n) by what critics say (critics, seeds, n)."""
+        """Returns the value (seeds, n) by what critics say (critics, seeds, n)."""
         return torch.lerp(values.mean(0), values.amin(0), self.settings.min_q_weight)
 
     def critic_target(self, batch: Batch, noise: Tensor) -> Tensor:
@@ -260,7 +260,7 @@ class SAC:
     # ------------------------------------------------------------------ state
 
     def get_state(self) -> dict[str, Any]:
-        """All that `set_state` needs to go on with the same numbers."""
+        """Returns all that `set_state` needs to go on with the same numbers."""
         state = {
             "actor": self.actor.state_dict(),
             "critics": self.critics.state_dict(),
@@ -293,7 +293,7 @@ class SAC:
 
 
 def make(settings: SACSettings, problem: Problem) -> OffPolicy:
-    """The `Learner` of a problem."""
+    """Returns the `Learner` of a problem."""
     (size,) = problem.observation
     if settings.symmetric and problem.observed not in ("reduced", "markov"):
         valid = "'reduced' or 'markov', to be symmetric"

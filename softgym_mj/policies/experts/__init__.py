@@ -1,8 +1,7 @@
-"""Scripted experts: hand-written policies that see the whole state.
+"""Scripted experts: deterministic hand-written policies with access to the whole state.
 
-They read positions straight from the task: not baselines to learn against, but evidence that the
-actors can solve the tasks. Each writes an episode as a generator of actions; all are
-deterministic.
+They show that the actors can solve the tasks and provide demonstrations; they are no baselines for
+learning. Each defines an episode as a generator of actions.
 """
 
 import contextlib
@@ -30,11 +29,11 @@ EXPERTS = tuple(
 
 
 def make_policy(env: Environment) -> Callable[[dm_env.TimeStep], np.ndarray]:
-    """The expert for the task of an environment.
+    """Returns the expert of an environment's task.
 
     Args:
-        env: environment with two pickers or arms, or with one actor for the cup; or of a custom
-            task that is `WithExpert`.
+        env: Environment with two pickers or arms or an actor for the cup, or of a custom task that
+            implements `WithExpert`.
 
     Raises:
         InvalidArgumentError: if the task has no expert.
@@ -52,10 +51,9 @@ def make_policy(env: Environment) -> Callable[[dm_env.TimeStep], np.ndarray]:
 
 
 def sources_sha256(task: TaskRecord) -> str:
-    """SHA-256 of the sources that say what the expert of a task does, as hexadecimal digits.
+    """Returns the SHA-256 (hexadecimal) of the sources of a task's expert.
 
-    They are those of all experts, which share code, and the file of the task's class, if it is in
-    one: that of a notebook is not.
+    These are all experts, which share code, and the file of the task's class if there is one.
     """
     files = sorted(pathlib.Path(__file__).parent.glob("*.py"))
     with contextlib.suppress(TypeError, OSError):

@@ -1,4 +1,4 @@
-"""`ClothExpert`: finds its way on a sheet and takes vertices of it."""
+"""`ClothExpert`: base class of experts that grasp vertices of a sheet."""
 
 import itertools
 import math
@@ -10,20 +10,20 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.native.arithmetic import length
 from softgym_mj.policies.experts.picker_expert import ARRIVED, OPEN, PASSED, SLOW, PickerExpert
 
-ARM_REACH = 0.018  # [m] From which hands take a vertex: further off, others of a pile are nearer.
-LAYER = 0.01  # [m] By which an upper layer lies higher.
+ARM_REACH = 0.018  # [m] Grasp distance of hands; farther away, other vertices of a pile are nearer.
+LAYER = 0.01  # [m] Height of a cloth layer.
 STANDOFF = 0.06  # [m] Further distance at which an approach starts.
-TRAVEL_HEIGHT = 0.25  # [m] Height of the picker centers between places, above every pile.
-NEAR_GOAL = 2  # Grid steps from a vertex within which a hold counts as one of it.
-OVERSHOOT = 0.02  # [m] By which a vertex is pulled beyond its place; cloth springs back.
+TRAVEL_HEIGHT = 0.25  # [m] Height of the picker centres between places, above every pile.
+NEAR_GOAL = 2  # Grid steps from a target vertex within which a grasp counts as one of it.
+OVERSHOOT = 0.02  # [m] Distance that a vertex is pulled beyond its place; cloth springs back.
 MISPLACED = 0.04  # [m] Distance from its place from which a vertex is worth a move.
-APART = 0.15  # [m] Least distance of two places that the pickers work at together.
-TRIALS = 4  # How often a pair is taken at most; the last two times wherever that is.
-LIFT = 0.8  # Fraction of full speed at which cloth is carried.
+APART = 0.15  # [m] Minimum distance of two places at which the pickers work at the same time.
+TRIALS = 4  # Maximum number of grasps of a pair; the last two may be anywhere.
+LIFT = 0.8  # Fraction of full speed while cloth is carried.
 
 
 class ClothExpert(PickerExpert):
-    """Knows the sheet's grid, where a flat sheet would lie, and how to take a vertex."""
+    """Expert for a sheet: grid distances, flat positions, and grasps of vertices."""
 
     def __init__(self, env: Environment):
         """Binds the expert, as `PickerExpert`."""
@@ -37,18 +37,18 @@ class ClothExpert(PickerExpert):
         return max(abs(a // columns - b // columns), abs(a % columns - b % columns))
 
     def _nearest(self, vertex: int, goals: Sequence[int]) -> int | None:
-        """The one of `goals` that a vertex stands for, None if it is near none of them."""
+        """Returns the one of `goals` that is near a vertex, or None."""
         goal = min(goals, key=lambda g: self._steps(g, vertex))
         return goal if vertex >= 0 and self._steps(goal, vertex) <= NEAR_GOAL else None
 
     def _clearance(self, i: int, vertex: int) -> float:
-        """That with which gripper `i` can take a vertex [m], negative if it cannot."""
+        """Returns the clearance [m] of a grasp of a vertex by gripper `i`; negative: no grasp."""
         return self._grasp(vertex)[2] if self._can_reach(i, vertex) else -1.0
 
     def _exposed_near(self, goals: Sequence[int], taker: int | None = None, rank: int = 0) -> int:
-        """The free vertex that can be taken and is the fewest grid steps from one of `goals`.
+        """Returns the graspable free vertex with the fewest grid steps to one of `goals`.
 
-        By the gripper `taker`, or whichever is nearest; there are `rank` nearer ones.
+        `taker` is the gripper, None for the nearest one; `rank` nearer vertices are skipped.
         """
         free = np.setdiff1d(np.arange(self._target.num_points), self._actor.held).tolist()
         free.sort(key=lambda v: min(self._steps(g, v) for g in goals))
@@ -59,9 +59,9 @@ class ClothExpert(PickerExpert):
     def _take(
         self, targets: dict[int, int], grips: list[bool], away: float = NEAR_GOAL
     ) -> Iterator[np.ndarray]:
-        """Takes vertices, `targets` by picker; sets `grips` where it succeeds.
+        """Grasps vertices, `targets` by picker; sets `grips` of successful pickers.
 
-        That is where it holds one within `away` grid steps of its target.
+        A grasp succeeds if the held vertex is within `away` grid steps of its target.
         """
         up = self._actor.positions()
         for i in targets:
@@ -92,12 +92,12 @@ class ClothExpert(PickerExpert):
     def _take_pair(
         self, pairs: Sequence[tuple[int, int, float]], grips: list[bool], rank: int
     ) -> Iterator[np.ndarray]:
-        """Takes both vertices of a pair, one after the other where the cloth has to be lifted.
+        """Grasps both vertices of a pair, one after the other if the cloth must be lifted.
 
         Args:
-            pairs: (vertex, vertex, distance in the flat cloth [m]) to choose from.
-            grips: set where it succeeds.
-            rank: of the vertex that is taken first where both are hidden.
+            pairs: Candidates (vertex, vertex, distance in the flat cloth [m]).
+            grips: Grips of the pickers; set if the grasp succeeds.
+            rank: Rank of the first vertex if both are hidden.
         """
         low, high = self._actor.limits
         ends = sorted({vertex for a, b, _ in pairs for vertex in (a, b)})
@@ -111,7 +111,7 @@ class ClothExpert(PickerExpert):
             if all(grips):
                 if all(at_end) or trial >= TRIALS - 2:
                     return
-                grips[int(at_end[0])] = False  # Go on with the one at an end.
+                grips[int(at_end[0])] = False  # Continue with the one at an end.
             if not any(grips):
                 vertex = self._exposed_near(ends, rank=rank)
                 yield from self._take({self._nearest_picker(vertex): vertex}, grips)
@@ -136,11 +136,11 @@ class ClothExpert(PickerExpert):
             yield from self._take({other: vertex}, grips)
 
     def _wait(self) -> Iterator[np.ndarray]:
-        """Gets out of the way."""
+        """Moves the pickers out of the way."""
         yield from self._move(self._raised(TRAVEL_HEIGHT), OPEN)
 
     def _misplaced(self, placed: np.ndarray) -> list[int]:
-        """Up to two vertices far from their places (n, 3) [m] that can be taken."""
+        """Returns up to two graspable vertices far from their places (n, 3) [m]."""
         vertices = self._target.points()
         value = np.linalg.norm((placed - vertices)[:, :2], axis=1)
         value[self._env.task.cloth.corners] *= 1.5
@@ -156,9 +156,9 @@ class ClothExpert(PickerExpert):
         return chosen
 
     def _put(self, chosen: list[int], placed: np.ndarray) -> Iterator[np.ndarray]:
-        """Takes vertices, swings them over in an arc and puts them down at their places (n, 3) [m].
+        """Grasps vertices, carries them in an arc and releases them at their places (n, 3) [m].
 
-        Where another one gives way to a gripper and is taken, that one is put to its own place.
+        A vertex that is grasped instead of the chosen one is put to its own place.
         """
         if len(chosen) == 2:
             targets = dict(enumerate(self._matched(chosen)))

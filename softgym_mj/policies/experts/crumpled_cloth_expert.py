@@ -1,8 +1,8 @@
-"""`CrumpledClothExpert`: lays out a pile of cloth, then mends what lies wrong.
+"""`CrumpledClothExpert`: lays out crumpled cloth, then moves misplaced vertices.
 
-Pickers take two vertices of their choice, one after the other where the second one only shows when
-the cloth is lifted. Hands of arms keep to their sides: they take what shows on these, both at once,
-and lay out the cloth by that as well as it goes. The next time, more of it shows.
+Pickers grasp two chosen vertices, one after the other if the second one is only exposed when the
+cloth is lifted. Hands of arms stay on their sides: they grasp exposed vertices there at the same
+time and lay out the cloth as far as possible, which exposes more of it for the next round.
 """
 
 import abc
@@ -17,20 +17,20 @@ from softgym_mj.native.arithmetic import length
 from softgym_mj.policies.experts.cloth_expert import ClothExpert
 from softgym_mj.policies.experts.rehearsing import GAIN, Plan, RehearsingExpert
 
-# Takes what a round begins with, and sets the grips.
+# Grasps the cloth at the start of a round and sets the grips.
 Take = Callable[[list[bool]], Iterator[np.ndarray]]
 
-RANKS = (0, 1, 2)  # Of the exposed vertices near the wanted ones, which is taken first.
-ALIKE = 3  # Grid steps up to which two holds are of a kind.
-POOR = 0.4  # Normalized performance up to which it is moved in any case.
+RANKS = (0, 1, 2)  # Ranks, by distance, of the exposed vertex that is grasped first.
+ALIKE = 3  # Grid steps up to which two holds count as the same.
+POOR = 0.4  # Normalized performance up to which the cloth is moved in any case.
 
 
 class CrumpledClothExpert(ClothExpert, RehearsingExpert):
-    """Lays out a pile, then does it again or moves what lies wrong, as long as that is worth it.
+    """Lays out crumpled cloth, repeats this or moves misplaced vertices while the score improves.
 
     Attributes:
-        redo: normalized performance up to which it may be laid out again.
-        holds: how many holds arms try each time.
+        redo: Normalized performance up to which the cloth may be laid out again.
+        holds: Number of holds that arms try in each round.
     """
 
     brakes = True
@@ -39,15 +39,15 @@ class CrumpledClothExpert(ClothExpert, RehearsingExpert):
 
     @abc.abstractmethod
     def _pairs(self) -> list[list[tuple[int, int, float]]]:
-        """Choices of vertices that it may be taken by: (vertex, vertex, distance [m])."""
+        """Returns candidate pairs for a hold: (vertex, vertex, distance [m])."""
 
     @abc.abstractmethod
     def _lay(self, grips: list[bool]) -> Iterator[np.ndarray]:
-        """Lays out the cloth that is held."""
+        """Lays out the held cloth."""
 
     @abc.abstractmethod
     def _places(self) -> np.ndarray:
-        """Where the vertices (n, 3) [m] ought to lie."""
+        """Returns the target positions (n, 3) [m] of the vertices."""
 
     def _episode(self) -> Iterator[np.ndarray]:
         while True:
@@ -60,11 +60,11 @@ class CrumpledClothExpert(ClothExpert, RehearsingExpert):
         yield from self._wait()
 
     def _rounds(self) -> list[Plan]:
-        """Ways to lay it out."""
+        """Returns plans that lay out the cloth."""
         return [functools.partial(self._round, take) for take in self._takes()]
 
     def _takes(self) -> list[Take]:
-        """Ways to take it."""
+        """Returns ways to grasp the cloth."""
         if self._has_arms:
             target = [dict(enumerate(hold)) for hold in self._holds()]
             return [functools.partial(self._take, w, away=math.inf) for w in target]
@@ -74,11 +74,11 @@ class CrumpledClothExpert(ClothExpert, RehearsingExpert):
     def _round(self, take: Take) -> Iterator[np.ndarray]:
         grips = [False, False]
         yield from take(grips)
-        if all(grips) and self._actor.held.min() >= 0:  # One may have been torn away.
+        if all(grips) and self._actor.held.min() >= 0:  # A vertex may have been torn away.
             yield from self._lay(grips)
 
     def _holds(self) -> list[tuple[int, int]]:
-        """The best holds, each of another kind: vertices that both hands can take at once."""
+        """Returns the best different holds: vertices that both hands can grasp at once."""
         able = [[v for v in self._handles() if self._clearance(i, v) > 0.0] for i in range(2)]
         points = self._target.points()
         holds = [
@@ -98,14 +98,14 @@ class CrumpledClothExpert(ClothExpert, RehearsingExpert):
 
     @abc.abstractmethod
     def _handles(self) -> list[int]:
-        """The vertices that it may be taken by."""
+        """Returns the vertices that may be grasped."""
 
     @abc.abstractmethod
     def _hold_worth(self, a: int, b: int) -> float:
-        """How well the cloth can be laid out that is held by two vertices, as a length [m]."""
+        """Returns how well the cloth can be laid out from two held vertices, as a length [m]."""
 
     def _mends(self) -> list[Plan]:
-        """Ways to put what lies far from its place there: two vertices or one of them."""
+        """Returns plans that move one or two misplaced vertices to their places."""
         placed = self._places()
         chosen = self._misplaced(placed)
         choices = [chosen, *([vertex] for vertex in chosen)] if len(chosen) == 2 else [chosen]

@@ -1,8 +1,8 @@
-"""The expert of DropCloth: swings the cloth to and fro and lets go when it is stretched out.
+"""Expert of DropCloth: swings the cloth forward and back and releases it when it is stretched out.
 
-The cloth trails behind while the grippers move towards +X; it swings forward when they turn back,
-and is let go when its lower edge flies towards +X and the held one towards -X. The numbers were
-found by random search on training variations.
+The cloth trails behind while the grippers move towards +X and swings forward when they turn back.
+It is released when its lower edge moves towards +X and the held edge towards -X. The parameters
+come from random search on training variations.
 """
 
 import dataclasses
@@ -16,14 +16,14 @@ from softgym_mj.robots.picker import Picker
 
 @dataclasses.dataclass(frozen=True)
 class Swing:
-    """How the cloth is swung.
+    """Parameters of the swing.
 
     Attributes:
         start: X of the grippers before the swing [m].
-        clearance: of the lower edge above the floor there, if the workspace allows [m].
-        forward, forward_speed: way [m] and fraction of full speed towards +X.
-        back, back_speed: the same on the way back.
-        sinking: fraction of full speed downwards on the way back.
+        clearance: Height of the lower edge above the floor there, if the workspace allows [m].
+        forward, forward_speed: Distance [m] and fraction of full speed towards +X.
+        back, back_speed: Distance [m] and fraction of full speed on the way back.
+        sinking: Fraction of full speed downwards on the way back.
     """
 
     start: float
@@ -36,7 +36,7 @@ class Swing:
 
 
 PICKER_SWING = Swing(-0.066, 0.063, 0.39, 0.739, 0.144, 1.0, 0.433)
-# Arms speed up less than pickers, which change their speed at once.
+# Arms accelerate gradually, pickers change their speed at once.
 ARM_SWING = Swing(0.294, 0.01, 0.162, 0.603, 0.265, 0.833, 0.168)
 WAITING = 3  # Env steps for the cloth to come to rest.
 APPROACH = 0.5  # Fraction of full speed at which the start is approached.
@@ -59,7 +59,7 @@ class DropCloth(PickerExpert):
         yield from self._move(self._raised(RISEN), OPEN, RISE)
 
     def _go(self, way: float, speed: float, climb: float) -> Iterator[np.ndarray]:
-        """Actions for a way along X [m] at a fraction of full speed, rising by another."""
+        """Yields actions for a way along X [m] at a fraction of full speed, rising by another."""
         steps = abs(way) / (speed * self._stride)
         while steps > 0.0:
             part = min(steps, 1.0)

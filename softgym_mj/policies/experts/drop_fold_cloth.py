@@ -1,10 +1,9 @@
-"""The expert of DropFoldCloth: folds the cloth in the air and drops it.
+"""Expert of DropFoldCloth: folds the cloth in the air and drops it.
 
-Pickers take the hanging cloth by the ends of its middle column, one after the other: it then hangs
-folded. They toss it and take the ends again from outside, where they are not in its way. They run
-towards +X, with the edges trailing; when they stop, the edges swing forward, and the cloth is let
-go when it is about level. The numbers of the swing were found by random search on training
-variations.
+Pickers regrasp the hanging cloth at the ends of its middle column, one after the other, so that it
+hangs folded. They toss it and grasp the ends from outside, where they do not touch the edges. They
+move towards +X with trailing edges and stop: the edges swing forward, and the cloth is released
+when it is about level. The parameters of the swing come from random search on training variations.
 """
 
 import functools
@@ -17,9 +16,9 @@ from softgym_mj.policies.experts.picker_expert import CLOSED, OPEN
 from softgym_mj.policies.experts.regrasping import RegraspingExpert
 from softgym_mj.policies.experts.rehearsing import Plan, RehearsingExpert
 
-# For cloths up to some width [m]: the middle of these widths and half their range [m], velocities
-# along X in the env steps of the swing and along Z in the last ones, as fractions of full speed,
-# and what is added to these per half range.
+# By the largest width [m]: middle and half range of these widths [m], velocities along X in the env
+# steps of the swing and along Z in the last ones (fractions of full speed), and their change per
+# half range.
 BANDS = ((0.56, 0.46, 0.1), (0.76, 0.66, 0.1))
 ALONG = (
     (
@@ -35,35 +34,35 @@ UP = (
     ((-0.239, -0.072, -0.042, -0.401), (0.136, 0.221, 0.177, 0.073)),
     ((-0.155, -0.215, 0.02, 0.06), (0.199, -0.014, 0.014, 0.278)),
 )
-# How far the fold gets during swing and fall [m]: at 0.56 m, and per width and depth [m / m].
+# Distance of the fold during swing and fall [m]: at 0.56 m, and per width and depth [m / m].
 CARRY = ((0.259, -0.028, 0.085), (0.213, 0.064, 0.025))
-LOWEST = 0.61  # [m] Of the fold: pickers that hold it from 6 cm below get so low.
-SPREADING = 0.8  # Fraction of full speed at which it is brought to the start.
-APPROACH, FOLLOW = 0.35, 0.5  # Shares of the way to go, and of the lag of the cloth, per env step.
+LOWEST = 0.61  # [m] Minimum height of the fold if pickers hold it from 6 cm below.
+SPREADING = 0.8  # Fraction of full speed towards the start.
+APPROACH, FOLLOW = 0.35, 0.5  # Shares per env step of the remaining distance and the cloth's lag.
 CALM, NEAR = 0.06, 0.012  # [m/s] Mean speed and [m] distance at which it counts as at rest.
-UNCALM = 0.1  # [m/s] The same before it is tossed.
-OUTSIDE = 0.045  # [m] By which pickers ought to be outside of the edges.
-FLIPPED = 0.07  # [m] Along Y, by which a corner is not below its end of the fold.
+UNCALM = 0.1  # [m/s] Mean speed at which the cloth counts as at rest before a toss.
+OUTSIDE = 0.045  # [m] Target distance of pickers outside of the edges.
+FLIPPED = 0.07  # [m] Offset along Y from which a corner counts as hanging over the fold.
 SHAKE = (1.0, 1.0, -1.0, -1.0)  # Velocities along Z in env steps, as fractions of full speed.
-SWAYING = 0.2  # [m/s] Mean speed from which it is not tossed.
-SWINGING = 0.3, 0.15  # [m/s] Speeds up to which a vertex is taken where it is.
-PACES = 0.9, 1.0, 1.1  # Of the swing.
-SHIFTS = -0.06, -0.03, 0.0, 0.03, 0.06  # [m] Of its start.
-IOU_PRICE, CORNER_PRICE = 0.3, 1.0  # Performance that outline IoU and corners off [1/m] are worth.
-LANDING = 16  # Env steps that the swing and the fall take.
-LATEST = 75  # Env step after which the cloth is not taken anew.
-CLEARING = 2  # Env steps in which pickers move away from what they have let go.
+SWAYING = 0.2  # [m/s] Mean speed above which the cloth is not tossed.
+SWINGING = 0.3, 0.15  # [m/s] Speeds up to which a vertex is grasped in place.
+PACES = 0.9, 1.0, 1.1  # Candidate speed factors of the swing.
+SHIFTS = -0.06, -0.03, 0.0, 0.03, 0.06  # [m] Candidate shifts of the swing's start.
+IOU_PRICE, CORNER_PRICE = 0.3, 1.0  # Weights of outline IoU and of corner errors [1/m].
+LANDING = 16  # Env steps of swing and fall.
+LATEST = 75  # Env step after which the cloth is not regrasped.
+CLEARING = 2  # Env steps in which pickers move away from released vertices.
 RISE, RISEN = 0.3, 1.0  # Fraction of full speed and height [m] of grippers out of the way.
 
 PLACE = 0.75  # Where arms drop the cloth, as a share of its width: the middle of its far half.
 CARRYING, LETTING_DOWN = 0.4, 0.5  # Fractions of full speed.
-HURRYING = 0.9  # The same where a grasp has failed and time is short.
-CLEARANCE = 0.25  # Share of its width by which the cloth is carried higher than it is let go.
+HURRYING = 0.9  # Fraction of full speed after a failed grasp, when time is short.
+CLEARANCE = 0.25  # Extra carrying height over the release height, as a share of the width.
 WAITING = 5  # Env steps for the cloth to come to rest.
 
 
 class DropFoldCloth(RegraspingExpert, RehearsingExpert):
-    """Folds the cloth in the air; arms carry it over its place and drop it from low as it is."""
+    """Folds the cloth in the air and swings it; arms carry it to its place and drop it from low."""
 
     def _episode(self) -> Iterator[np.ndarray]:
         cloth, held = self._env.task.cloth, self._actor.held
@@ -76,7 +75,7 @@ class DropFoldCloth(RegraspingExpert, RehearsingExpert):
         yield from self._away()
 
     def _next_take(self) -> Plan | None:
-        """What changes the hold of the cloth, where that leads to a better fold."""
+        """Returns a plan that changes the grasp if that leads to a better fold, else None."""
         if self._env.step_count >= LATEST or self._actor.held.max() < 0:
             return None
         takes = self._tosses() if self._folded() else self._fetches()
@@ -85,7 +84,7 @@ class DropFoldCloth(RegraspingExpert, RehearsingExpert):
         return None if stays else takes[outcomes.argmax()]
 
     def _fetches(self) -> list[Plan]:
-        """Ways to take the ends of the middle column."""
+        """Returns plans that grasp the ends of the middle column."""
         orders = (0, 1), (1, 0)
         ways = itertools.product(orders, SWINGING)
         fetches: list[Plan] = [
@@ -96,7 +95,7 @@ class DropFoldCloth(RegraspingExpert, RehearsingExpert):
         return fetches
 
     def _tosses(self) -> list[Plan]:
-        """Ways to take them from outside: one of them or both."""
+        """Returns plans that grasp one or both of these ends from outside."""
         ways = (True, True), (True, False), (False, True)
         return [functools.partial(self._calm_toss, np.array(anew)) for anew in ways]
 
@@ -107,7 +106,7 @@ class DropFoldCloth(RegraspingExpert, RehearsingExpert):
         yield from self._toss(anew)
 
     def _fold(self) -> Iterator[np.ndarray]:
-        """Takes the cloth as well as it goes without trying, and lets it fall."""
+        """Grasps the ends without rehearsal and drops the cloth."""
         while self._env.step_count < LATEST:
             yield from self._regrasp(self._middle, (0, 1), SWINGING[0], LATEST)
             if not self._folded():
@@ -127,7 +126,7 @@ class DropFoldCloth(RegraspingExpert, RehearsingExpert):
         yield from self._swing() if self._folded() else self._let_down()
 
     def _best_fall(self) -> Plan:
-        """The way of letting the cloth fall after which it lies best."""
+        """Returns the plan of swing and fall with the best outcome."""
         if self._has_arms or not self._folded():
             return self._let_down
         ways = itertools.product(PACES, SHIFTS)
@@ -151,33 +150,33 @@ class DropFoldCloth(RegraspingExpert, RehearsingExpert):
         return info["normalized_performance"] + lies
 
     def _folded(self) -> bool:
-        """Whether it is held by the ends of its middle column."""
+        """Returns whether it is held by the ends of its middle column."""
         return self._actor.held.tolist() == self._middle
 
     def _outside(self) -> np.ndarray:
-        """By how much pickers are further outside (2,) [m] than what they hold."""
+        """Returns the distances (2,) [m] of pickers outside of the vertices that they hold."""
         held = self._actor.held
         side = np.sign(self._env.task.cloth.flat()[held, 1])
         return side * (self._actor.positions() - self._target.points()[held])[:, 1]
 
     def _flipped(self) -> bool:
-        """Whether a corner hangs over the fold."""
+        """Returns whether a corner hangs over the fold."""
         y = self._env.task.cloth.grid()[[0, -1], :, 1]
         return bool(np.abs(y[:, [0, -1]] - y[:, y.shape[1] // 2, None]).max() > FLIPPED)
 
     def _shake(self) -> Iterator[np.ndarray]:
-        """Moves up and down: what hangs over the fold gets off it."""
+        """Moves up and down, so that corners slip off the fold."""
         for up in SHAKE:
             yield np.tile([0.0, 0.0, up, 1.0], 2)
 
     def _speed(self) -> float:
-        """Mean speed of the cloth [m/s]."""
+        """Returns mean speed of the cloth [m/s]."""
         return float(np.linalg.norm(self._target.velocities(), axis=1).mean())
 
     def _velocities(self, pace: float = 1.0) -> np.ndarray:
-        """Along X and Z (n, 2) in the env steps of the swing, as fractions of full speed.
+        """Returns velocities along X and Z (n, 2) in the swing, as fractions of full speed.
 
-        Those along X are multiplied by `pace`.
+        Velocities along X are multiplied by `pace`.
         """
         width = self._env.task.cloth.size[0]
         band = self._band()
@@ -190,7 +189,7 @@ class DropFoldCloth(RegraspingExpert, RehearsingExpert):
         return int(self._env.task.cloth.size[0] >= BANDS[0][0])
 
     def _start(self, shift: float = 0.0) -> np.ndarray:
-        """Where the ends of the fold (2, 3) [m] are before the swing: `shift` [m] further."""
+        """Returns the ends of the fold (2, 3) [m] before the swing, moved by `shift` [m]."""
         cloth = self._env.task.cloth
         (width, depth), carry = cloth.size, CARRY[self._band()]
         heights = self._stride * self._velocities()[:, 1].cumsum()
@@ -202,7 +201,7 @@ class DropFoldCloth(RegraspingExpert, RehearsingExpert):
         return start
 
     def _calm(self, speed: float, latest: int, shift: float = 0.0) -> Iterator[np.ndarray]:
-        """Brings the fold to the start; pickers follow the swinging cloth, which damps it."""
+        """Moves the fold to the start; pickers follow the swinging cloth to damp it."""
         start, held = self._start(shift), self._actor.held.copy()
         most = SPREADING * self._stride
         while self._env.step_count < latest:
@@ -217,7 +216,7 @@ class DropFoldCloth(RegraspingExpert, RehearsingExpert):
             yield np.column_stack([ways, np.ones(2)]).ravel()
 
     def _swing(self, pace: float = 1.0, shift: float = 0.0) -> Iterator[np.ndarray]:
-        """Swings the folded cloth and lets it go."""
+        """Swings the folded cloth and releases it."""
         yield from self._calm(CALM, self._env.horizon - LANDING, shift)
         for along, up in self._velocities(pace):
             yield np.tile([along, 0.0, up, 1.0], 2)
@@ -242,7 +241,7 @@ class DropFoldCloth(RegraspingExpert, RehearsingExpert):
         yield from self._until_late(self._move(self._raised(low[2]), CLOSED, LETTING_DOWN))
 
     def _until_late(self, actions: Iterator[np.ndarray]) -> Iterator[np.ndarray]:
-        """The actions as long as a cloth that is dropped after them still comes to rest."""
+        """Yields actions as long as a cloth that is dropped after them still comes to rest."""
         for action in actions:
             if self._env.step_count >= self._env.horizon - LANDING:
                 return

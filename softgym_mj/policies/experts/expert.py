@@ -1,4 +1,4 @@
-"""`Expert`: a hand-written policy, an episode as a generator of actions."""
+"""`Expert`: base class of scripted policies, which define an episode as a generator of actions."""
 
 import abc
 from collections.abc import Iterator
@@ -12,10 +12,10 @@ from softgym_mj.exceptions import InvalidArgumentError
 
 
 class Expert(abc.ABC):
-    """Subclasses write an episode as a generator of actions.
+    """Scripted policy; subclasses define an episode as a generator of actions.
 
     Attributes:
-        finished: whether it has come to the end of these in this episode and only rests.
+        finished: Whether the generator of this episode has ended; the expert rests from then on.
     """
 
     def __init__(self, env: Environment):
@@ -27,7 +27,7 @@ class Expert(abc.ABC):
         self._plan, self.finished = self._episode(), False
 
     def __call__(self, timestep: dm_env.TimeStep) -> np.ndarray:
-        """The action for a time step; the first of an episode clears the memory."""
+        """Returns the action for a time step; the first time step starts a new episode."""
         if timestep.first():
             self._begin()
         action = next(self._plan, None)
@@ -37,27 +37,26 @@ class Expert(abc.ABC):
 
     @abc.abstractmethod
     def _episode(self) -> Iterator[np.ndarray]:
-        """Actions of an episode, until there is nothing left to do."""
+        """Yields the actions of an episode, until there is nothing left to do."""
 
     def _idle(self) -> np.ndarray:
-        """The action when there is nothing left to do."""
+        """Returns the action when there is nothing left to do."""
         return np.zeros(self._env.task.actor.action_size)
 
 
 @runtime_checkable
 class WithExpert(Protocol):
-    """A task that brings its own expert, as custom tasks may: any class with this method."""
+    """Protocol of custom tasks with an expert of their own."""
 
     def expert(self) -> Iterator[np.ndarray]:
-        """The actions (n,) in [-1, 1] of an episode, from its start on.
+        """Yields the actions (n,) in [-1, 1] of an episode.
 
-        A generator that looks at the task between two actions and yields at least as many as the
-        episode has env steps.
+        The generator may read the task between actions and must not end before the episode.
         """
 
 
 class OwnExpert(Expert):
-    """The expert that a task brings."""
+    """Expert of a task that implements `WithExpert`."""
 
     def _episode(self):
         task = self._env.task
@@ -70,9 +69,10 @@ class OwnExpert(Expert):
 
 
 def smooth(progress: float) -> float:
-    """Fraction of the way after a fraction of the time, with the least jerk from rest to rest.
+    """Returns the fraction of the path after a fraction of the time of a minimum-jerk motion.
 
-    The largest speed is 1.875 ways per duration, the largest acceleration 5.77 per its square.
+    The largest speed is 1.875 path lengths per duration, the largest acceleration 5.77 path lengths
+    per squared duration.
     """
     s = min(max(progress, 0.0), 1.0)
     return s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)

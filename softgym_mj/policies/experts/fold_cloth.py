@@ -1,8 +1,7 @@
-"""The expert of FoldCloth: takes the corners of column 0 and swings them over to their mirrors.
+"""Expert of FoldCloth: grasps the corners of column 0 and carries them to their mirror images.
 
-Hands that turn (`action="pose"`) lean over the edge that they carry, first from outside over where
-it lies, in the end from outside over where it comes to lie: they turn with it, though not as far.
-Near the floor they lean no further than their open fingers have room for.
+Hands that rotate (`action="pose"`) lean over the edge that they carry, from its outer side at both
+ends of the fold. Near the floor they lean only as far as their open fingers have room.
 """
 
 import math
@@ -16,17 +15,17 @@ from softgym_mj.robots.arm import turns
 from softgym_mj.robots.arm.pose_action import MAX_TURN
 
 ARC = 12  # Points of the half circle in which the corners are carried.
-# [m] By which the corners are let down early, as the bend takes up as much, and the height above
-# the lower layer where they are let go: lower, they push it along. Fingers that open do so as well.
+# [m] Distance before the mirror image at which corners are lowered, as the bend takes up length,
+# and release height above the lower layer: lower corners, or opening fingers, push it along.
 SHORT, LANDING = 0.04, 0.03
 ARM_SHORT, ARM_LANDING = 0.05, 0.025
 SPEED = 0.25  # Fraction of full speed.
-TILT = math.radians(40.0)  # Of hands against the vertical, where they take and where they let go.
-HALF_SPAN = 0.05  # [m] From the tool point to the outer side of an open finger.
+TILT = math.radians(40.0)  # Angle of hands to the vertical at grasp and release.
+HALF_SPAN = 0.05  # [m] Distance from the tool point to the outer side of an open finger.
 
 
 class FoldCloth(ClothExpert):
-    """Takes two corners, carries them over in a half circle and lays them down."""
+    """Grasps two corners and carries them in a half circle to their mirror images."""
 
     def _begin(self):
         super()._begin()
@@ -47,12 +46,12 @@ class FoldCloth(ClothExpert):
         return self._actor.posing(moves[:, :3], fractions, moves[:, -1] > 0.0)
 
     def _room(self, goals: np.ndarray) -> np.ndarray:
-        """Shares (2, 1) of `TILT` by which hands can lean whose tool points are at goals (2, 3)."""
+        """Returns the shares (2, 1) of `TILT` that hands can lean at tool points `goals` (2, 3)."""
         above = np.maximum(goals[:, 2:] - self._actor.limits[0][2], 0.0)
         return np.minimum(np.arcsin(np.minimum(above / HALF_SPAN, 1.0)) / TILT, 1.0)
 
     def _lean(self, ways: np.ndarray, share: float) -> None:
-        """Has hands lean back by a share of `TILT` from where ways (2, 3) [m] lead."""
+        """Makes hands lean back by a share of `TILT`, against the directions `ways` (2, 3) [m]."""
         across = np.column_stack([-ways[:, 1], ways[:, 0], np.zeros(2)])
         across /= np.linalg.norm(across, axis=1, keepdims=True)
         self._leaning = -share * TILT * across
@@ -69,9 +68,9 @@ class FoldCloth(ClothExpert):
         yield from self._swing(ends + [0.0, 0.0, landing])
 
     def _pairs(self) -> tuple[list[int], list[int]]:
-        """The vertices that each gripper takes, and their mirrors.
+        """Returns the vertices that the grippers grasp, and their mirror images.
 
-        They are the corners of column 0, or as near to these as the gripper reaches both.
+        They are the corners of column 0, or the nearest vertices where a gripper reaches both.
         """
         cloth, targets, mirrors = self._env.task.cloth, [], []
         rows, columns = cloth.shape
@@ -89,7 +88,7 @@ class FoldCloth(ClothExpert):
         return targets, mirrors
 
     def _swing(self, ends: np.ndarray) -> Iterator[np.ndarray]:
-        """Carries what both pickers hold to `ends` (2, 3) [m] in half a circle and lets go."""
+        """Carries the held vertices to `ends` (2, 3) [m] in a half circle and releases them."""
         start = self._actor.positions()
         ends = ends - (self._target.points()[self._actor.held] - start)
         middle, half = (start + ends) / 2, (ends - start) / 2

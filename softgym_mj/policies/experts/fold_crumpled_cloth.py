@@ -1,6 +1,6 @@
-"""The expert of FoldCrumpledCloth: hangs the cloth over its middle column and lays it down doubled.
+"""Expert of FoldCrumpledCloth: lifts the cloth by its middle column and lays it down folded.
 
-A cloth that hangs by the ends of its middle column is folded already: it need not be spread.
+Cloth that hangs by the ends of its middle column is folded without being spread first.
 """
 
 from collections.abc import Iterator
@@ -12,19 +12,19 @@ from softgym_mj.policies.experts.cloth_expert import LAYER, LIFT, TRAVEL_HEIGHT
 from softgym_mj.policies.experts.crumpled_cloth_expert import CrumpledClothExpert
 from softgym_mj.policies.experts.picker_expert import OPEN, PASSED, SLOW
 
-PACE = 0.05  # [m] Way of the pickers in an env step while the cloth is laid down.
-END_ROWS = 1, 4  # At either end of the middle column, where it may be taken.
-ASTRAY = 2  # Columns from there where arms may take it.
+PACE = 0.05  # [m] Distance of the pickers per env step while the cloth is laid down.
+END_ROWS = 1, 4  # Numbers of rows at either end of the middle column that may be grasped.
+ASTRAY = 2  # Maximum distance in columns from the middle where arms may grasp.
 HANGING = 4  # Env steps for the cloth to come to rest before it is laid down.
 
 
 class FoldCrumpledCloth(CrumpledClothExpert):
-    """Takes both ends of the middle column, hangs the cloth up and lays it down towards +X."""
+    """Grasps both ends of the middle column, lifts the cloth and lays it down towards +X."""
 
     redo, holds = 0.93, 8
 
     def _pairs(self) -> list[list[tuple[int, int, float]]]:
-        """The ends of the middle column, or vertices about them, and their distances [m]."""
+        """Returns the ends of the middle column, or vertices nearby, with their distances [m]."""
         cloth = self._env.task.cloth
         rows, columns = cloth.shape
         middle, pitch = columns // 2, cloth.size[1] / (rows - 1)
@@ -38,20 +38,20 @@ class FoldCrumpledCloth(CrumpledClothExpert):
         ]
 
     def _handles(self) -> list[int]:
-        """The vertices of the columns in the middle."""
+        """Returns the vertices of the columns in the middle."""
         rows, columns = self._env.task.cloth.shape
         middle = columns // 2
         vertices = np.arange(rows * columns).reshape(rows, columns)
         return vertices[:, middle - ASTRAY : middle + ASTRAY + 1].ravel().tolist()
 
     def _hold_worth(self, a: int, b: int) -> float:
-        """The distance of the vertices, less how far they are from the middle column [m]."""
+        """Returns the distance of the vertices minus their distances to the middle column [m]."""
         flat, columns = self._env.task.cloth.flat(), self._env.task.cloth.shape[1]
         middle = flat[columns // 2, 0]
         return length(flat[a] - flat[b]) - float(np.abs(flat[[a, b], 0] - middle).sum())
 
     def _lay(self, grips: list[bool]) -> Iterator[np.ndarray]:
-        """Stretches the held column along Y and lays the cloth down, from its edges on."""
+        """Stretches the held column along Y and lays the cloth down, its edges first."""
         low, high = self._actor.limits
         flat, held = self._env.task.cloth.flat(), self._actor.held.tolist()
         depth = float(np.ptp(flat[:, 0]) / 2)
@@ -70,14 +70,14 @@ class FoldCrumpledCloth(CrumpledClothExpert):
         x = depth
         while x > 0.0:
             x = max(x - PACE, 0.0)
-            # Down along an arc as if the edges stuck to the floor.
+            # The arc of edges that stick to the floor.
             height = np.sqrt(max(depth**2 - (depth - x) ** 2, 0.0))
             yield self._step(pose(x, np.clip(height, low[2], high[2])), grips)
         yield from self._move(pose(0.0, low[2]), grips, SLOW)
         yield self._step(self._raised(TRAVEL_HEIGHT), OPEN)
 
     def _places(self) -> np.ndarray:
-        """Where the vertices (n, 3) [m] of the folded cloth belong."""
+        """Returns the target positions (n, 3) [m] of the vertices of the folded cloth."""
         cloth = self._env.task.cloth
         rows, columns = cloth.shape
         grid = cloth.flat().reshape(rows, columns, 3)

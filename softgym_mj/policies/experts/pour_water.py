@@ -1,7 +1,7 @@
-"""The expert of PourWater: tip the cup about its lip, held over the target.
+"""Expert of PourWater: tilts the cup about its lip, above the target.
 
-The lip is the outer upper edge on the target's side: wherever it is, the upright or tipped cup
-lies behind it, so that it can come near the target without touching it.
+The lip is the outer upper edge on the target's side. The upright or tilted cup is always behind it,
+so that it does not touch the target.
 """
 
 import math
@@ -12,24 +12,24 @@ import numpy as np
 from softgym_mj.entities.cup import CupSize
 from softgym_mj.policies.experts.expert import Expert, smooth
 
-STANDOFF = 0.01  # [m] Between the lip and the target while the cup approaches.
-REACH = 0.02  # [m] By which the lip is inside the target's near wall while it pours.
-CLEARANCE = 0.015  # [m] Least distance of the cup to the target's rim below it.
-ACCELERATION = 0.8  # [m/s^2] On the way: the water then slopes by 5 degrees.
-TRAVEL_TILT = 0.35  # [rad] Short of flowing over the lip on the way,
+STANDOFF = 0.01  # [m] Distance between the lip and the target during the approach.
+REACH = 0.02  # [m] Distance of the lip inside the target's near wall while pouring.
+CLEARANCE = 0.015  # [m] Minimum distance of the cup to the target's rim below it.
+ACCELERATION = 0.8  # [m/s^2] Acceleration of the approach: the water slopes by 5 degrees.
+TRAVEL_TILT = 0.35  # [rad] Margin to the spill angle during the approach,
 READY_TILT = 0.08  # [rad] and when the lip moves over the target.
-SHORTEST, TILT, FORWARD, DRAIN = 0.8, 0.5, 0.5, 0.6  # [s] Least duration on the way; other phases.
-LEFT_OVER = 1.0  # [s] For the last drops.
-DRAINED = math.radians(115.0)  # Angle at which nothing stays in the cup.
+SHORTEST, TILT, FORWARD, DRAIN = 0.8, 0.5, 0.5, 0.6  # [s] Minimum of the approach; other phases.
+LEFT_OVER = 1.0  # [s] Time for the last drops.
+DRAINED = math.radians(115.0)  # Angle at which the cup is empty.
 
 Path = Iterator[tuple[float, float, float]]  # The lip's x, z [m] and the angle [rad].
 
 
 def spill_angle(size: CupSize, held: float) -> float:
-    """Angle [rad] at which a cup at rest holds `held` [m^2] of water in its x-z section.
+    """Returns the angle [rad] of a cup at rest with `held` [m^2] of water in its x-z section.
 
-    The surface passes through the inner upper edge: above the diagonal of the section it cuts off
-    a triangle, below it is one.
+    The surface passes through the inner upper edge; the section of the water is a triangle, or the
+    cup's section minus a triangle.
     """
     length, depth = size.length, size.depth
     if held >= length * depth / 2:
@@ -38,31 +38,31 @@ def spill_angle(size: CupSize, held: float) -> float:
 
 
 class PourWater(Expert):
-    """Approaches, tips to just before the water flows, then pours it out at an even rate."""
+    """Approaches, tilts to just below the spill angle, then pours at a constant rate."""
 
     def _episode(self) -> Iterator[np.ndarray]:
         for lip in self._path():
             yield self._step(self._floor(*lip))
 
     def _step(self, goal: np.ndarray) -> np.ndarray:
-        """The action that moves the cup straight to a pose, or as near as it can."""
+        """Returns the action that moves the cup straight to a pose, within the limits."""
         actor = self._env.task.actor
         action = (goal - actor.commanded_pose) / (actor.max_step * self._env.task.action_repeat)
         return action / max(np.abs(action).max(), 1.0)
 
     def _floor(self, x: float, z: float, theta: float) -> np.ndarray:
-        """The cup's pose that puts its lip at (x, z) [m] with the cup at an angle [rad]."""
+        """Returns the pose of the cup at an angle [rad] whose lip is at (x, z) [m]."""
         size = self._env.task.cup.size
         along, up = size.length / 2 + size.wall, size.height
         cosine, sine = math.cos(theta), math.sin(theta)
         return np.array([x - along * cosine - up * sine, z + along * sine - up * cosine, theta])
 
     def _volume(self) -> float:
-        """Of the water [m^3]."""
+        """Returns the volume of the water [m^3]."""
         return self._env.task.start.variation(self._env.task.variation).volume
 
     def _path(self) -> Path:
-        """The lip's x, z [m] and the angle [rad] after each env step."""
+        """Returns the lip's x, z [m] and the angle [rad] after each env step."""
         task, step = self._env.task, self._env.control_timestep()
         size, target = task.cup.size, task.target.size
         near = task.target.pose[0] - target.length / 2 - target.wall  # Outer face of its near wall.
@@ -72,7 +72,7 @@ class PourWater(Expert):
         travel, ready = max(flows - TRAVEL_TILT, 0.0), max(flows - READY_TILT, 0.0)
 
         def height(theta: float) -> float:
-            """Where the lip must be for the cup's wall, which slopes down from it, to clear."""
+            """Returns the height of the lip at which the sloping wall of the cup has clearance."""
             return target.height + CLEARANCE + (over - near) / math.tan(theta)
 
         start = size.length / 2 + size.wall, size.height
@@ -92,9 +92,9 @@ class PourWater(Expert):
         yield from self._pour(over, height, ready, duration + TILT + FORWARD)
 
     def _pour(self, x: float, height: Callable[[float], float], theta: float, used: float) -> Path:
-        """Tips the cup from an angle [rad], the lip at x [m] and `height` of the angle.
+        """Tilts the cup from an angle [rad] at constant flow, the lip at x [m] and `height(angle)`.
 
-        Equal volumes leave in equal times; the last drops have time to fall. `used` [s] are gone.
+        `used` [s] have passed; the rest leaves time for the last drops.
         """
         task, step = self._env.task, self._env.control_timestep()
         size, held = task.cup.size, self._volume() / task.cup.size.width
@@ -107,6 +107,6 @@ class PourWater(Expert):
 
 
 def phase(duration: float, step: float) -> np.ndarray:
-    """Fractions (n,) of a duration [s] at the ends of its env steps [s]."""
+    """Returns the fractions (n,) of a duration [s] at the ends of its env steps [s]."""
     count = round(duration / step)
     return (np.arange(count) + 1) / count

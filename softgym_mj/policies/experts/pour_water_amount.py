@@ -1,16 +1,16 @@
-"""The expert of PourWaterAmount: pour until what leaves the cup will be enough."""
+"""Expert of PourWaterAmount: pours until the water that has left the cup is the target amount."""
 
 import numpy as np
 
 from softgym_mj.policies.experts.pour_water import DRAINED, PourWater
 
-# A part of the water: angles [rad] by which the cup is tipped and tipped back in an env step, env
-# steps for which water goes on leaving it, and share that is left to drops.
+# Pouring of a part: angles [rad] per env step of tilting and tilting back, env steps for which
+# water continues to flow, and share that is left to drops.
 TIP, BACK, IN_THE_AIR, SHORT = 0.025, 0.12, 6.0, 0.01
 
 
 class PourWaterAmount(PourWater):
-    """Tips the cup until what leaves it will be enough, then tips it back; again if it was not."""
+    """Tilts the cup until the target amount will have left it, then back; repeats if needed."""
 
     def _pour(self, x, height, theta, used):
         task, least, before = self._env.task, theta - BACK, 0.0

@@ -1,4 +1,4 @@
-"""`RegraspingExpert`: takes a cloth that hangs from both grippers by other vertices."""
+"""`RegraspingExpert`: regrasps cloth that hangs from both grippers at other vertices."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -8,21 +8,21 @@ import numpy as np
 from softgym_mj.policies.experts.cloth_expert import ClothExpert
 from softgym_mj.policies.experts.picker_expert import CLOSED
 
-REACH = 0.055  # [m] From which a vertex is taken: there, pickers touch it.
-NEARBY = 0.075  # [m] From where a picker that closes on its way takes the vertex nearest to it.
-CLEAR = 0.02  # [m] By which the next vertex ought to be further away.
-STANDOFF = 0.06  # [m] Further distance at which a vertex that swings is awaited.
-OUTSIDE = 0.25  # [m] Distance from the hanging cloth at which a gripper passes it on its way down.
-ROOM = 0.1  # [m] Between the lowest grippers and a vertex that is to be taken from the side.
-DETOUR = 0.1  # [m] Of clearance for which a gripper goes 1 m further.
+REACH = 0.055  # [m] Grasp distance, at which pickers touch the vertex.
+NEARBY = 0.075  # [m] Distance within which a closing picker grasps the vertex nearest to it.
+CLEAR = 0.02  # [m] Desired extra distance of the next vertex.
+STANDOFF = 0.06  # [m] Extra distance at which a gripper waits for a swinging vertex.
+OUTSIDE = 0.25  # [m] Distance at which a gripper passes the hanging cloth on its way down.
+ROOM = 0.1  # [m] Distance of the lowest grippers to a vertex that is grasped from the side.
+DETOUR = 0.1  # [m] Clearance that is worth a detour of 1 m.
 GRAVITY = 9.81  # [m/s^2]
-THROW = 3  # Env steps at full speed upwards, after which a cloth that is let go flies on.
-FLIGHT = 6  # Env steps within which it is taken again.
-FROM_ABOVE = math.radians(10.0)  # Elevation of a gripper that takes a vertex from outside.
+THROW = 3  # Env steps at full speed upwards before the release.
+FLIGHT = 6  # Env steps of flight until the regrasp.
+FROM_ABOVE = math.radians(10.0)  # Elevation of a gripper that grasps a vertex from outside.
 
 
 def _directions() -> np.ndarray:
-    """Unit vectors (n, 3) every 15 degrees, around +Y: beside a sheet that spans along Y."""
+    """Returns unit vectors (n, 3) every 15 degrees around +Y, beside a sheet that spans along Y."""
     elevations = np.radians(np.arange(-45, 61, 15))
     return np.array(
         [
@@ -37,25 +37,25 @@ _DIRECTIONS = _directions()
 
 
 class RegraspingExpert(ClothExpert):
-    """Takes hanging cloth anew, one gripper after the other, while it hangs from the other one."""
+    """Regrasps hanging cloth with one gripper at a time while the other one holds it."""
 
     def _regrasp(
         self, targets: list[int], order: Sequence[int], swinging: float, latest: int
     ) -> Iterator[np.ndarray]:
-        """Takes a vertex with each gripper; gives up after `latest` env steps of the episode.
+        """Grasps a vertex with each gripper; gives up after `latest` env steps of the episode.
 
         Args:
-            targets: the vertices.
-            order: of the grippers.
-            swinging: speed of a vertex [m/s] from which it is awaited.
-            latest: env step.
+            targets: The vertices.
+            order: Order of the grippers.
+            swinging: Speed of a vertex [m/s] above which the gripper waits for it.
+            latest: Last env step.
         """
         for i in order:
             if self._actor.held[i] != targets[i]:
                 yield from self._fetch(i, targets[i], swinging, latest)
 
     def _fetch(self, i: int, vertex: int, swinging: float, latest: int) -> Iterator[np.ndarray]:
-        """Lets go with gripper `i` and takes a vertex as soon as it is the nearest one."""
+        """Opens gripper `i` and grasps a vertex as soon as it is the nearest one."""
         other, low = 1 - i, self._actor.limits[0][2]
         flat, held = self._env.task.cloth.flat(), int(self._actor.held[other])
         lift = low + ROOM + float(np.linalg.norm(flat[vertex] - flat[held]))
@@ -81,10 +81,10 @@ class RegraspingExpert(ClothExpert):
             yield np.column_stack([ways, np.where(grips, 1.0, -1.0)]).ravel()
 
     def _toss(self, anew: np.ndarray) -> Iterator[np.ndarray]:
-        """Tosses the cloth; grippers take what they hold from outside while it flies.
+        """Tosses the cloth; grippers regrasp their vertices from outside while it flies.
 
         Args:
-            anew: which grippers (2,) bool let go.
+            anew: Which grippers (2,) bool release and regrasp.
         """
         targets, stride, step = self._actor.held.copy(), self._stride, self._env.control_timestep()
         for _ in range(THROW):
@@ -108,9 +108,9 @@ class RegraspingExpert(ClothExpert):
                 return
 
     def _side_grasp(self, i: int, vertex: int, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """How gripper `i` takes a vertex at `points` (n, 3) [m]: center (3,) [m], direction (3,).
+        """Returns center (3,) [m] and direction (3,) of a grasp of a vertex at `points` (n, 3) [m].
 
-        Clear of other vertices and near.
+        They are clear of other vertices and near gripper `i`.
         """
         side = np.sign(self._env.task.cloth.flat()[vertex, 1])
         directions = _DIRECTIONS * [1.0, side, 1.0]

@@ -1,7 +1,7 @@
-"""`RehearsingExpert`: tries plans in the simulation, and does what turns out best.
+"""`RehearsingExpert`: simulates candidate plans and executes the best one.
 
-Each plan is a heuristic that may fail in ways that are hard to foresee; what it leads to is known
-once it has been tried. Nothing of a rehearsal is left: the environment goes on from where it was.
+Each plan is a heuristic whose outcome is hard to predict, so it is simulated. A rehearsal leaves no
+trace: the environment continues from its state before.
 """
 
 import itertools
@@ -15,31 +15,31 @@ from softgym_mj.policies.experts.picker_expert import OPEN, PickerExpert
 
 Plan = Callable[[], Iterator[np.ndarray]]
 
-STEP_PRICE = 0.001  # Normalized performance that an env step costs.
-GAIN = 0.01  # Value for which an object that lies well already is moved again.
-SETTLING = 4  # Env steps in which an object comes to rest after a plan.
+STEP_PRICE = 0.001  # Cost of an env step in normalized performance.
+GAIN = 0.01  # Minimum gain for which a well-placed object is moved again.
+SETTLING = 4  # Env steps for an object to come to rest after a plan.
 
 
 class RehearsingExpert(PickerExpert):
-    """Chooses among plans: functions that begin a generator of actions from where things are."""
+    """Selects among plans: functions that return a generator of actions from the current state."""
 
     def _value(self) -> float:
-        """How good the state is."""
+        """Returns the value of the current state."""
         return float(self._env.task.info()["normalized_performance"])
 
     def _outcomes(self, plans: Sequence[Plan], then: Plan | None = None) -> np.ndarray:
-        """Values (n,) of where plans lead, less the price of their env steps.
+        """Returns the values (n,) of the outcomes of plans, minus the cost of their env steps.
 
         Args:
-            plans: the plans.
-            then: what is done after each of them; nothing for `SETTLING` env steps if None.
+            plans: The plans.
+            then: Plan that follows each of them; None rests for `SETTLING` env steps.
         """
         return np.array([self._outcome(plan, then or self._settle) for plan in plans])
 
     def _outcome(self, *plans: Plan, value: Callable[[], float] | None = None) -> float:
-        """The value of where plans lead, one after the other, less the price of their env steps.
+        """Returns the value after plans in sequence, minus the cost of their env steps.
 
-        Nothing is worse than that the simulation diverges.
+        The value is -inf if the simulation diverges.
         """
         start = self._env.step_count
         actions = itertools.chain.from_iterable(plan() for plan in plans)

@@ -1,4 +1,4 @@
-"""The expert of RopeConfiguration: puts what lies worst where it belongs, two at a time."""
+"""Expert of RopeConfiguration: moves the most misplaced vertices to their places, two at a time."""
 
 import functools
 import itertools
@@ -11,23 +11,23 @@ from softgym_mj.native.arithmetic import length
 from softgym_mj.policies.experts.picker_expert import ARRIVED, OPEN, PASSED
 from softgym_mj.policies.experts.rehearsing import GAIN, Plan, RehearsingExpert
 
-TRAVEL, CARRY = 0.1, 0.07  # [m] Heights of the picker centers, with open grips and holding.
-LAID = 0.045  # [m] The same where a vertex is let go.
-# [m] The same of hands above the lowest that they get: what they hold is in the tool point itself.
+TRAVEL, CARRY = 0.1, 0.07  # [m] Heights of the picker centres, with open grips and holding.
+LAID = 0.045  # [m] Height of the picker centers where a vertex is released.
+# [m] Heights of hands above their lowest position: they hold vertices in the tool point itself.
 ARM_TRAVEL, ARM_CARRY, ARM_LAID = 0.045, 0.012, 0.001
 PUTTING = 0.4  # Fraction of full speed at which vertices are carried.
-WORST = 8  # Vertices of which one or two are carried at a time.
-NEXT, APART = 3, 6  # Least numbers of segments between them, and between two that are carried.
-BEYOND = 1.0, 1.2  # Shares of the way to its place that a vertex is carried; the rope springs back.
-ROOM = 0.05  # [m] Least distance of the two pickers.
-SHARES = 0.7, 1.0, 1.4  # The same of arms, where that helps no more.
-GOOD = 0.004  # [m] Error of a vertex that is left alone.
-BEAM = 4  # Plans whose sequels are tried where none helps at once.
-ERROR_PRICE = 23.0  # [1/m] Normalized performance that a mean error of the vertices costs.
+WORST = 8  # Number of candidate vertices, of which one or two are carried.
+NEXT, APART = 3, 6  # Minimum segments between candidates, and between two carried vertices.
+BEYOND = 1.0, 1.2  # Shares of the distance that a vertex is carried; the rope springs back.
+ROOM = 0.05  # [m] Minimum distance of the two pickers.
+SHARES = 0.7, 1.0, 1.4  # Shares for arms when `BEYOND` does not improve the shape.
+GOOD = 0.004  # [m] Error up to which a vertex is not moved.
+BEAM = 4  # Plans whose successors are tried if no plan improves the shape at once.
+ERROR_PRICE = 23.0  # [1/m] Cost of the mean error of vertices in normalized performance.
 
 
 class RopeConfiguration(RehearsingExpert):
-    """Takes up to two vertices, carries them to their places, and again as long as it helps."""
+    """Carries up to two vertices to their places, and repeats while the shape improves."""
 
     brakes = True
 
@@ -45,7 +45,7 @@ class RopeConfiguration(RehearsingExpert):
         yield from self._move(self._raised(self._travel), OPEN)
 
     def _next(self) -> Plan | None:
-        """What brings the rope nearest to the letter, at once or by what can follow."""
+        """Returns the plan that brings the rope nearest to its shape, alone or with a successor."""
         value, plans = self._value(), self._puts()
         outcomes = self._outcomes(plans)
         best = np.argsort(-outcomes, kind="stable")[:BEAM]
@@ -58,7 +58,7 @@ class RopeConfiguration(RehearsingExpert):
         return self._last_resort(value) if self._has_arms else None
 
     def _last_resort(self, value: float) -> Plan | None:
-        """The best of all ways to carry any one vertex, if it brings the rope nearer."""
+        """Returns the best plan to carry any single vertex, if it improves the shape."""
         goal = self._goal()
         error = np.linalg.norm(goal - self._target.points(), axis=1)
         plans = [
@@ -76,18 +76,18 @@ class RopeConfiguration(RehearsingExpert):
         return self._outcomes(self._puts()).max(initial=-math.inf)
 
     def _value(self) -> float:
-        # Where most of a rope lies well, but the wrong way round, key points alone say too little.
+        # A rope that is mostly placed but reversed needs more vertices than the key points.
         error = np.linalg.norm(self._goal() - self._target.points(), axis=1).mean()
         return super()._value() - ERROR_PRICE * float(error)
 
     def _goal(self) -> np.ndarray:
-        """The letter (41, 3) [m] from the end that suits the rope."""
+        """Returns the target shape (41, 3) [m], from the end that fits the rope."""
         goal, vertices = self._env.task.episode.goal["rope"], self._target.points()
         errors = [np.linalg.norm(vertices - g, axis=1).sum() for g in (goal, goal[::-1])]
         return goal if errors[0] <= errors[1] else goal[::-1]
 
     def _puts(self) -> list[Plan]:
-        """Ways to carry one or two of the vertices that lie worst to their places, or beyond."""
+        """Returns plans that carry one or two misplaced vertices to their places, or beyond."""
         goal, vertices = self._goal(), self._target.points()
         error = np.linalg.norm(goal - vertices, axis=1)
         room = max(ROOM, self._actor.least_distance)
@@ -107,9 +107,9 @@ class RopeConfiguration(RehearsingExpert):
         return [functools.partial(self._put, p, beyond) for p in places for beyond in BEYOND]
 
     def _takers(self, vertices: list[int], goal: np.ndarray) -> dict[int, int]:
-        """Which gripper can carry which vertex to where it belongs in `goal` (41, 3) [m].
+        """Returns vertices by gripper that can carry them to their places in `goal` (41, 3) [m].
 
-        Nothing if they cannot carry all of them.
+        The result is empty if the grippers cannot carry all of them.
         """
         able = [[v for v in vertices if self._can_carry(i, v, goal[v])] for i in range(2)]
         if len(vertices) == 2:
@@ -126,14 +126,14 @@ class RopeConfiguration(RehearsingExpert):
         return {}
 
     def _can_carry(self, i: int, vertex: int, place: np.ndarray) -> bool:
-        """Whether gripper `i` reaches both a vertex and where it belongs (3,) [m]."""
+        """Returns whether gripper `i` reaches both a vertex and its place (3,) [m]."""
         above = place * [1.0, 1.0, 0.0] + [0.0, 0.0, self._laid]
         return self._can_reach(i, vertex) and np.allclose(self._actor.within_reach(i, above), above)
 
     def _put(
         self, places: dict[int, tuple[int, np.ndarray]], beyond: float
     ) -> Iterator[np.ndarray]:
-        """Takes vertices from above and puts them down at their places, or further by a factor."""
+        """Grasps vertices from above and carries them a multiple of the way to their places."""
         goals = self._raised(self._travel)
         for i, (vertex, _) in places.items():
             goals[i, :2] = self._grasp(vertex)[0][:2]

@@ -1,4 +1,4 @@
-"""The expert of SpreadCloth: takes a side, drags the cloth out, then mends what lies wrong."""
+"""Expert of SpreadCloth: drags the cloth out by a side, then moves misplaced vertices."""
 
 import math
 from collections.abc import Iterator
@@ -10,31 +10,31 @@ from softgym_mj.policies.experts.cloth_expert import LIFT, TRAVEL_HEIGHT
 from softgym_mj.policies.experts.crumpled_cloth_expert import CrumpledClothExpert
 from softgym_mj.policies.experts.picker_expert import OPEN, PASSED, SLOW
 
-PACE = 0.06  # [m] Way of the pickers in an env step while the cloth is dragged.
-TAUT = 0.97  # Fraction of the natural length from which the cloth counts as pulled out.
+PACE = 0.06  # [m] Distance of the pickers per env step while the cloth is dragged.
+TAUT = 0.97  # Fraction of the natural length above which the cloth counts as stretched out.
 
 
 class SpreadCloth(CrumpledClothExpert):
-    """Takes the ends of a side, drags the cloth out, then moves what lies wrong to its place."""
+    """Grasps the ends of a side, drags the cloth out, then moves misplaced vertices."""
 
     redo, holds = 0.8, 4
 
     def _pairs(self) -> list[list[tuple[int, int, float]]]:
-        """The two sides of either direction, as (corner, corner, length [m])."""
+        """Returns the two sides of either direction, as (corner, corner, length [m])."""
         p1, p2, p3, p4 = self._env.task.cloth.corners.tolist()
         width, depth = self._env.task.cloth.size
         return [[(p1, p2, depth), (p3, p4, depth)], [(p1, p3, width), (p2, p4, width)]]
 
     def _handles(self) -> list[int]:
-        """The vertices on the edges."""
+        """Returns the vertices on the edges."""
         rows, columns = self._env.task.cloth.shape
         vertices = np.arange(rows * columns).reshape(rows, columns)
         inner = vertices[1:-1, 1:-1]
         return np.setdiff1d(vertices, inner).tolist()
 
     def _hold_worth(self, a: int, b: int) -> float:
-        """The distance of the vertices, less how far the cloth goes on behind them [m]."""
-        # What is behind them hangs in front of the rest, which it covers in the end.
+        """Returns the distance of the vertices minus the extent of the cloth behind them [m]."""
+        # Cloth behind them hangs in front of the rest and finally covers it.
         flat = self._env.task.cloth.flat()[:, :2]
         across = flat[b] - flat[a]
         width = length(across)
@@ -42,7 +42,7 @@ class SpreadCloth(CrumpledClothExpert):
         return width - min(float(sides.max()), float(-sides.min()))
 
     def _places(self) -> np.ndarray:
-        """The flat cloth (n, 3) [m], either side up, laid where most of the cloth is."""
+        """Returns the flat cloth (n, 3) [m], either side up, fitted to most of the cloth."""
         vertices = self._target.points()
         fits = []
         for mirror in (1.0, -1.0):
@@ -56,7 +56,7 @@ class SpreadCloth(CrumpledClothExpert):
         return min(fits, key=lambda fit: fit[0])[1]
 
     def _lay(self, grips: list[bool]) -> Iterator[np.ndarray]:
-        """Stretches the held side along Y and pulls the cloth out along X, down to the floor."""
+        """Stretches the held side along Y and pulls the cloth along X, down to the floor."""
         low, high = self._actor.limits
         center = (low + high) / 2
         flat, (a, b) = self._env.task.cloth.flat(), self._actor.held
@@ -81,18 +81,18 @@ class SpreadCloth(CrumpledClothExpert):
             return goals
 
         way = -1.0 if tail_x() > 0.0 else 1.0
-        edge = high[0] - center[0]  # Hands that are apart along Y get less far along X.
-        while edge > PACE and not self._gets_to(line + center + [way * edge, 0.0, low[2]]):
+        edge = high[0] - centre[0]  # Hands that are apart along Y reach less far along X.
+        while edge > PACE and not self._gets_to(line + centre + [way * edge, 0.0, low[2]]):
             edge -= PACE / 2
         yield from self._move(self._raised(high[2]), grips, LIFT, PASSED)
         yield from self._move(pose(tail_x(), high[2]), grips, LIFT, PASSED / 2)
-        # Carry the tail back so far that the spread cloth will lie in the middle of the workspace.
+        # Carry the tail so far back that the spread cloth is in the middle of the workspace.
         while way * tail_x() > -depth / 2 and way * now_x() > -edge + PACE:
             yield self._step(pose(now_x() - way * PACE, high[2]), grips, LIFT)
         x, anchor, taut = now_x(), tail_x(), 0
         while taut < 2 and way * x < edge:
             x += way * PACE
-            # Down along an arc as if the tail stuck to the floor; it slides where it does not.
+            # The arc of a tail that sticks to the floor; otherwise it slides.
             height = np.sqrt(max(depth**2 - max(way * (x - anchor), 0.0) ** 2, 0.0))
             yield self._step(pose(x, np.clip(height, low[2], high[2])), grips)
             taut += way * (now_x() - tail_x()) > TAUT * depth
@@ -101,10 +101,10 @@ class SpreadCloth(CrumpledClothExpert):
 
 
 def _fitted(points: np.ndarray, goals: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Points (n, 2) [m], turned and moved so that they are nearest to their goals (n, 2).
+    """Returns points (n, 2) [m], rotated and translated to fit their goals (n, 2) best.
 
-    The least squares have a closed form in the plane: the angle of the sum of w p* g, with centered
-    points p and goals g as complex numbers. It needs no decomposition.
+    Least squares have a closed form in the plane: the angle of the sum of w p* g, with centered
+    points p and goals g as complex numbers.
     """
     weights = (weights / weights.sum())[:, None]
     center = (weights * goals).sum(axis=0)

@@ -1,4 +1,4 @@
-"""The expert of StraightenRope: takes both ends, pulls them apart, lays the rope down."""
+"""Expert of StraightenRope: grasps both ends, pulls them apart and lays the rope down."""
 
 from collections.abc import Generator, Iterator, Sequence
 
@@ -19,24 +19,24 @@ from softgym_mj.policies.experts.picker_expert import (
 ROPE_APPROACH, ROPE_LIFT, ROPE_LAID = 0.1, 0.1, 0.04
 ROPE_TOLERANCE = 0.001  # [m] Error of the end distance at which pulling stops.
 ROPE_SPEED = 0.3  # Fraction of full speed at which the rope is pulled.
-# Where grippers have no room to take both ends at once [m]: how much more than the room one end is
-# drawn away from the other, how far an end is carried across.
+# If the ends are too close for both grippers [m]: extra distance beyond the required room by which
+# an end is drawn away, and distance by which an end is carried across.
 DRAWN, ACROSS = 0.01, 0.2
-FAR = 1.0  # [m] More than any workspace.
+FAR = 1.0  # [m] Larger than any workspace.
 
 
 class StraightenRope(PickerExpert):
-    """Takes both ends from above, pulls them apart and lays the rope down.
+    """Grasps both ends from above, pulls them apart and lays the rope down.
 
-    Where the ends are too close together for both grippers, one of them is drawn aside first; where
-    one is out of a gripper's reach, the grippers change ends.
+    If the ends are too close together for both grippers, one of them is drawn aside first; if an
+    end is out of a gripper's reach, the grippers exchange ends.
     """
 
-    margin = 0.006  # A thinner rope lies lower.
+    margin = 0.006  # Larger than the default: a thinner rope lies lower.
 
     def _episode(self):
         while not (self._actor.held >= 0).all():
-            ends = yield from self._take_both()  # Anew, if one is torn away.
+            ends = yield from self._take_both()  # Repeats if an end is torn away.
             yield from self._move(self._raised(ROPE_LIFT), CLOSED, SLOW)
             yield from self._pull_apart(ends)
             laid = self._actor.commanded_positions()
@@ -44,11 +44,11 @@ class StraightenRope(PickerExpert):
             yield from self._move(laid, CLOSED, ROPE_SPEED)
 
     def _pull_apart(self, ends: Sequence[int]) -> Iterator[np.ndarray]:
-        """Brings both ends as far from each other as the rope is long, around the middle."""
-        rope, center = self._env.task.rope, np.mean(self._actor.limits, axis=0)
+        """Pulls both ends apart to the length of the rope, about its center."""
+        rope, centre = self._env.task.rope, np.mean(self._actor.limits, axis=0)
         waited = 0
         while waited < PATIENCE and (self._actor.held >= 0).all():
-            # Where the ends are once the grippers are where they are told to be: arms lag behind.
+            # Positions of the ends when the grippers reach their targets; arms lag behind.
             commanded = self._actor.commanded_positions()
             points = self._target.points()[list(ends)] + commanded - self._actor.positions()
             error = LENGTH - length(points[0] - points[1])
@@ -62,7 +62,7 @@ class StraightenRope(PickerExpert):
             yield self._step(commanded + [line, -line] + to_center, CLOSED, ROPE_SPEED)
 
     def _take_both(self) -> Generator[np.ndarray, None, list[int]]:
-        """Takes both ends; the value is which one each gripper holds."""
+        """Grasps both ends; returns the end of each gripper."""
         rope = self._env.task.rope
         while True:
             ends = self._matched(rope.ends)
@@ -77,19 +77,19 @@ class StraightenRope(PickerExpert):
             taken = np.isin(self._actor.held, ends)
             if taken.all():
                 return ends
-            # The grippers change ends: one brings its own to where the other reaches it.
+            # To exchange ends, a gripper brings its own into the other's reach.
             yield from self._carry_across(ends, int(np.argmax(taken)))
 
     def _short(self, ends: Sequence[int]) -> list[int]:
-        """The grippers that hold nothing and do not reach their ends."""
+        """Returns the empty grippers that do not reach their ends."""
         return [
             i for i, v in enumerate(ends) if self._actor.held[i] < 0 and not self._can_reach(i, v)
         ]
 
     def _take(self, ends: Sequence[int], takers: Sequence[int]) -> Iterator[np.ndarray]:
-        """The grippers `takers` take their ends from above; the others keep what they hold.
+        """Grasps ends with the grippers `takers` from above; the others keep theirs.
 
-        They try it until they have them, or these are out of their reach or behind another one.
+        It ends when they hold their ends, or when these are out of reach or covered.
         """
         takers = list(takers)
         while True:
@@ -106,12 +106,12 @@ class StraightenRope(PickerExpert):
             takers = [i for i in takers if self._actor.held[i] not in ends]
             if not takers or blocked or not all(self._can_reach(i, ends[i]) for i in takers):
                 return
-            goals = self._raised(ROPE_LIFT)  # What covers an end: hands lay it aside.
+            goals = self._raised(ROPE_LIFT)  # Hands lay rope that covers an end aside.
             goals[takers, 1] += self._actor.least_distance * self._own_sides()[takers]
             yield from self._move(goals, self._actor.held >= 0)
 
     def _take_alone(self, ends: Sequence[int], taker: int) -> Iterator[np.ndarray]:
-        """One gripper takes its end; the other one makes room."""
+        """Grasps an end with one gripper; the other one makes room."""
         goals = self._raised(ROPE_APPROACH)
         goals[taker, :2] = self._target.vertex(ends[taker])[:2]
         goals = self._aside(goals, 1 - taker)
@@ -119,9 +119,9 @@ class StraightenRope(PickerExpert):
         yield from self._take(ends, [taker])
 
     def _draw_aside(self, ends: Sequence[int]) -> Iterator[np.ndarray]:
-        """One gripper takes its end and draws it away from the other, towards its own side.
+        """Grasps an end with one gripper and draws it away from the other, to its own side.
 
-        It is the one that has less of its reach left, as the other end may come along.
+        It is the gripper with less reach left, as the other end may be dragged along.
         """
         points, sides = self._target.points()[list(ends)], self._own_sides()
         furthest = self._within_reach(points - sides[:, None] * [0.0, FAR, 0.0])
@@ -135,9 +135,9 @@ class StraightenRope(PickerExpert):
             yield action
 
     def _carry_across(self, ends: Sequence[int], holder: int) -> Iterator[np.ndarray]:
-        """A gripper lays its end down on the other side of the other end.
+        """Lays a held end down on the other side of the other end.
 
-        That is in the middle at least, where both grippers reach.
+        The place is at least in the middle, where both grippers reach.
         """
         grips = np.array([holder == 0, holder == 1])
         goals, side = self._raised(ROPE_LIFT), self._own_sides()[1 - holder]

@@ -1,4 +1,4 @@
-"""The expert of TransportWater: one smooth way to the goal."""
+"""Expert of TransportWater: a minimum-jerk motion to the goal."""
 
 from collections.abc import Iterator
 
@@ -7,13 +7,13 @@ import numpy as np
 from softgym_mj.policies.experts.expert import Expert, smooth
 from softgym_mj.tasks.transport_water import GOAL
 
-# [s] For the whole way: the cup is never faster than 0.75 m/s nor accelerated by more than
-# 0.77 m/s^2, a slope of the water of 4.5 degrees.
+# [s] Duration of the motion: at most 0.75 m/s and 0.77 m/s^2, a slope of the water of 4.5
+# degrees.
 DURATION = 3.0
 
 
 class TransportWater(Expert):
-    """Follows a minimum-jerk profile, then stays."""
+    """Follows a minimum-jerk profile to the goal, then rests."""
 
     def _episode(self) -> Iterator[np.ndarray]:
         actor, step = self._env.task.actor, self._env.control_timestep()

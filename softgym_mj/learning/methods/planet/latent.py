@@ -25,7 +25,7 @@ class Gaussian(NamedTuple):
     deviation: Tensor
 
     def sample(self, noise: Tensor) -> Tensor:
-        """Those that standard normal ones become."""
+        """Returns those that standard normal ones become."""
         return self.mean + self.deviation * noise
 
     def divergence(self, other: "Gaussian") -> Tensor:
@@ -101,16 +101,16 @@ class WorldModel(nn.Module):
         return zeros.expand(-1, -1, self.belief), zeros.expand(-1, -1, self.latent)
 
     def advance(self, belief: Tensor, latent: Tensor, action: Tensor) -> Tensor:
-        """The belief after an action."""
+        """Returns the belief after an action."""
         joined = self._join(torch.cat([latent, action], dim=-1))
         return self._cell(functional.relu(joined), belief)
 
     def prior(self, belief: Tensor) -> Gaussian:
-        """The latent that is expected."""
+        """Returns the latent that is expected."""
         return _gaussian(self._prior(belief))
 
     def posterior(self, belief: Tensor, embedding: Tensor) -> Gaussian:
-        """The latent of what is seen, by the encoder."""
+        """Returns the latent of what is seen, by the encoder."""
         return _gaussian(self._posterior(torch.cat([belief, embedding], dim=-1)))
 
     def reward(self, belief: Tensor, latent: Tensor) -> Tensor:

@@ -37,7 +37,7 @@ class GRU(nn.Module):
         self.state_gates = Dense(sources, size, 3 * size, size)
 
     def forward(self, x: Tensor, state: Tensor) -> Tensor:
-        """The state (seeds, n, size) after inputs (seeds, n, inputs)."""
+        """Returns the state (seeds, n, size) after inputs (seeds, n, inputs)."""
         reset, update, new = self.seen(x).chunk(3, dim=-1)
         own_reset, own_update, own_new = self.state_gates(state).chunk(3, dim=-1)
         new = torch.tanh(new + torch.sigmoid(reset + own_reset) * own_new)

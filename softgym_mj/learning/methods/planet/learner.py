@@ -294,5 +294,5 @@ class PlaNet:
 
 
 def make(settings: PlaNetSettings, problem: Problem) -> PlaNet:
-    """The `Learner` of a problem."""
+    """Returns the `Learner` of a problem."""
     return PlaNet(settings, problem)

@@ -206,7 +206,7 @@ class PPO:
                 array.copy_(getattr(result, name).transpose(0, 1).flatten(1, 2))
 
     def _learn_all(self) -> dict[str, Tensor]:
-        """An epoch."""
+        """Returns an epoch."""
         total = self._rollout.advantage.shape[1]
         order = drawn(self._sources, total, normal=False).argsort(-1)
         seed = torch.arange(len(order), device=order.device)[:, None]
@@ -246,7 +246,7 @@ class PPO:
     # ------------------------------------------------------------------ state
 
     def get_state(self) -> dict[str, Any]:
-        """All that `set_state` needs to go on with the same numbers."""
+        """Returns all that `set_state` needs to go on with the same numbers."""
         state = {
             "policies": self.policies.state_dict(),
             "values": self.values.state_dict(),

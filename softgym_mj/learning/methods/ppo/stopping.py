@@ -60,7 +60,7 @@ class StoppingAdam:
                 weight.copy_(torch.where(goes, following, weight))
 
     def get_state(self) -> dict[str, Any]:
-        """All that `set_state` needs to go on with the same numbers."""
+        """Returns all that `set_state` needs to go on with the same numbers."""
         return {
             "means": [mean.clone() for mean in self._means],
             "squares": [square.clone() for square in self._squares],

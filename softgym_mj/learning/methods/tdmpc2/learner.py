@@ -183,7 +183,7 @@ class TDMPC2:
             optimizer.step()
 
     def policy(self, seed: int) -> nn.Module:
-        """The policy prior, which acts where nothing is planned. See `Learner`."""
+        """Returns the policy prior, which acts where nothing is planned. See `Learner`."""
         if self.settings.plans != "never":
             valid = "'never': a planner remembers its last plan, of which no file can be made"
             raise InvalidArgumentError("plans", self.settings.plans, valid)
@@ -226,7 +226,7 @@ def discount_of(horizon: int) -> float:
 
 
 def make(settings: TDMPC2Settings, problem: Problem) -> TDMPC2:
-    """The `Learner` of a problem.
+    """Returns the `Learner` of a problem.
 
     Raises:
         InvalidArgumentError: for images.

@@ -93,7 +93,7 @@ def mppi(
 def fitted(
     actions: Tensor, values: Tensor, settings: MPPISettings
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """The next distribution.
+    """Returns the next distribution.
 
     Args:
         actions: sequences (seeds, n, samples, horizon, action).

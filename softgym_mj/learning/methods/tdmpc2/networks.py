@@ -176,7 +176,7 @@ class WorldModel(nn.Module):
         )
 
     def sample(self, latent: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:
-        """Actions (seeds, ..., action) of the policy and their log densities (seeds, ...)."""
+        """Returns the policy's actions (seeds, ..., action) and log densities (seeds, ...)."""
         middle = latent.shape[1:-1]
         action, density = self.actor.sample(latent.flatten(1, -2), noise.flatten(1, -2))
         return action.unflatten(1, middle), density.unflatten(1, middle)
@@ -193,7 +193,7 @@ def _each(network: nn.Module, x: Tensor) -> Tensor:
 
 
 def two_of(logits: Tensor, pair: Tensor) -> Tensor:
-    """Those of two critics (seeds, 2, ...), by their numbers (seeds, 2)."""
+    """Returns those of two critics (seeds, 2, ...), by their numbers (seeds, 2)."""
     return logits[torch.arange(len(pair), device=pair.device)[:, None], pair]
 
 
@@ -227,5 +227,5 @@ class Prior(nn.Module):
         self.encoder, self.actor = model.encoder, model.actor
 
     def mean(self, observation: Tensor) -> Tensor:
-        """The actions (seeds, n, action) without noise."""
+        """Returns the actions (seeds, n, action) without noise."""
         return self.actor.mean(self.encoder(observation))

@@ -16,21 +16,21 @@ def symlog(x: Tensor) -> Tensor:
 
 
 def symexp(x: Tensor) -> Tensor:
-    """The inverse of `symlog`."""
+    """Returns the inverse of `symlog`."""
     return x.sign() * x.abs().expm1()
 
 
 def two_hot(x: Tensor, bins: int) -> Tensor:
-    """Shares (..., bins) of numbers (...), 0 but for two neighbors; beyond the ends, of these."""
+    """Returns two-hot encodings (..., bins) of numbers (...), clamped to the outer bins."""
     place = (symlog(x).clamp(LOW, HIGH) - LOW) * ((bins - 1) / (HIGH - LOW))
     away = (place[..., None] - torch.arange(bins, device=x.device)).abs()
     return (1.0 - away).clamp(min=0.0)
 
 
 def expected(logits: Tensor) -> Tensor:
-    """Numbers (...) of which logits (..., bins) tell the shares."""
-    centers = torch.linspace(LOW, HIGH, logits.shape[-1], device=logits.device)
-    return symexp((logits.softmax(-1) * centers).sum(-1))
+    """Returns numbers (...) of which logits (..., bins) tell the shares."""
+    centres = torch.linspace(LOW, HIGH, logits.shape[-1], device=logits.device)
+    return symexp((logits.softmax(-1) * centres).sum(-1))
 
 
 def cross_entropy(logits: Tensor, target: Tensor) -> Tensor:

@@ -111,7 +111,7 @@ class PickAndPlace(SAC):
         return self._centers[(mask.cumsum(-1) <= rank[..., None]).sum(-1)]
 
     def act(self, observation: Tensor, *, explore: bool) -> Tensor:
-        """Actions (seeds, n, 5) for images (seeds, n, height, width, 3)."""
+        """Returns actions (seeds, n, 5) for images (seeds, n, height, width, 3)."""
         if not explore:
             return self.best(observation, self.sources)
         with torch.no_grad():
@@ -120,7 +120,7 @@ class PickAndPlace(SAC):
             return torch.cat([pick, self.actor.sample(seen(observation, pick), noise)[0]], -1)
 
     def best(self, images: Tensor, sources: Sequence[torch.Generator]) -> Tensor:
-        """Actions (seeds, n, 5): the mean place of a cloth pixel that is among the best.
+        """Returns actions (seeds, n, 5): the mean place of a cloth pixel that is among the best.
 
         Args:
             images: (seeds, n, height, width, 3).
@@ -213,7 +213,7 @@ class Picking(OffPolicy):
 
 
 def make(settings: WuSettings, problem: Problem) -> OffPolicy:
-    """The `Learner` of a problem.
+    """Returns the `Learner` of a problem.
 
     Raises:
         InvalidArgumentError: for a problem without images, or of another actor.

@@ -102,12 +102,12 @@ class Looking(nn.Module):
         return self.judge(self.convolutions(images), both[..., -PICK:], *place)
 
     def judge(self, features: Tensor, pick: Tensor, *place: Tensor) -> Tensor:
-        """The same of what the convolutions have found."""
+        """Returns the same of what the convolutions have found."""
         return self.head(torch.cat([features, pick.repeat(1, 1, _TILES), *place], -1))
 
 
 def seen(images: Tensor, pick: Tensor) -> Tensor:
-    """Images (seeds, n, height, width, 3) and pick points (seeds, n, 2) as one array."""
+    """Returns images (seeds, n, height, width, 3) and pick points (seeds, n, 2) as one array."""
     return torch.cat([images.flatten(2).float(), pick], -1)
 
 
@@ -121,7 +121,7 @@ class Placing(Actor):
         self.body, (self.low, self.high) = body, log_std
 
     def forward(self, observation: Tensor) -> tuple[Tensor, Tensor]:
-        """Mean and log deviation (seeds, n, 3) before tanh, of what is `seen`."""
+        """Returns mean and log deviation (seeds, n, 3) before tanh, of what is `seen`."""
         mean, log_std = self.body(observation).chunk(2, dim=-1)
         return mean, log_std.clamp(self.low, self.high)
 
