@@ -133,7 +133,7 @@ class Training(TrainingSetup):
         return news
 
     def _told_of(self, news: Mapping[str, Tensor]) -> dict[str, list[float]]:
-        """Losses and the like as lists, with scores of episodes since the last call."""
+        """Returns metrics as lists, with scores of episodes since the last call."""
         result = {**news, **self._explorer.scores()}
         return {name: value.tolist() for name, value in result.items()}
 

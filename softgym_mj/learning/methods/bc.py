@@ -1,8 +1,7 @@
-"""Behavior cloning: a policy does what the expert did in its place, of several seeds at once.
+"""Behavior cloning of the scripted expert, for several seeds.
 
-Its loss is the squared error of the mean action. The likelihood of a Gaussian through tanh has no
-bound here: experts are deterministic, and grips and fast moves are at -1 and 1, which tanh never
-reaches. Evaluations play the mean action anyway.
+The loss is the squared error of the mean action. The likelihood of a tanh-squashed Gaussian would
+be unbounded: experts are deterministic, with actions of -1 and 1, which tanh never reaches.
 """
 
 import copy
@@ -24,27 +23,28 @@ from softgym_mj.learning.symmetries import Symmetry, symmetries
 from softgym_mj.recording.noise import check_noise
 from softgym_mj.validation import typed
 
-# Least deviation by which observations are divided [m]: what hardly changes is not blown up.
+# Minimum standard deviation in the normalization of observations [m], so that nearly constant
+# entries are not amplified.
 _LEAST_DEVIATION = 0.01
 
 
 @typed
 @dataclasses.dataclass(frozen=True)
 class BCSettings:
-    """How it learns, and from how much.
+    """Settings of behavior cloning.
 
     Attributes:
-        demonstrations: episodes of the expert.
-        jobs: processes that play them; None for as many as there are cores.
-        noise: deviation of the noise on what they apply, as in `recording.record`; what is learned
-            are the actions of the expert itself.
-        symmetric: whether demonstrations show the symmetries of the task.
-        batch: env steps of an update.
-        hidden: sizes of hidden layers.
-        rate: of Adam.
+        demonstrations: Number of the expert's episodes.
+        jobs: Processes that play them; None for the number of cores.
+        noise: Standard deviation of the noise on applied actions, as in `recording.record`; labels
+            are the expert's own actions.
+        symmetric: Whether sampled steps are transformed by random symmetries of the task.
+        batch: Env steps in an update.
+        hidden: Sizes of hidden layers.
+        rate: Learning rate of Adam.
 
     Raises:
-        InvalidArgumentError: for numbers out of range.
+        InvalidArgumentError: for a value out of range.
     """
 
     demonstrations: int = 200
@@ -63,11 +63,11 @@ class BCSettings:
 
 
 class Clone(nn.Module):
-    """Actions as functions of observations, which are standardized as those of demonstrations.
+    """Policy with observations normalized by the statistics of demonstrations.
 
     Attributes:
-        seen: makes of observations what the network takes.
-        body: the network, as SAC's of the mean.
+        seen: The normalization.
+        body: The network, as SAC's mean.
     """
 
     def __init__(
@@ -76,10 +76,10 @@ class Clone(nn.Module):
         """Draws the weights.
 
         Args:
-            sources: of random numbers, one a seed.
-            shown: observations (..., n).
-            action: size.
-            hidden: sizes of hidden layers.
+            sources: Random generators, one per seed.
+            shown: Observations of demonstrations (..., n).
+            action: Size of an action.
+            hidden: Sizes of hidden layers.
         """
         super().__init__()
         self.seen = ObservationNormalizer(len(sources), shown.shape[-1], shown.device)
@@ -92,12 +92,12 @@ class Clone(nn.Module):
 
 
 class BC:
-    """An `Offline` learner.
+    """`Offline` learner of behavior cloning.
 
     Attributes:
-        actor: the networks.
-        demonstrated: env steps of the demonstrations.
-        updates: how many there were.
+        actor: The networks.
+        demonstrated: Number of demonstrated env steps.
+        updates: Number of updates so far.
     """
 
     def __init__(
@@ -110,10 +110,10 @@ class BC:
         """Draws the networks.
 
         Args:
-            settings: how it learns.
-            seeds: of the random numbers, each of a training of its own.
-            shown: demonstrations (episodes, steps, ...).
-            shapes: symmetries by which they are shown.
+            settings: Settings of behavior cloning.
+            seeds: Seeds of the trainings.
+            shown: Demonstrations (episodes, steps, ...).
+            shapes: Symmetries that transform sampled steps.
         """
         self._settings, sources = settings, generators(seeds, shown.reward.device)
         size = shown.action.shape[-1]
@@ -136,7 +136,7 @@ class BC:
         return self._repeated()
 
     def loss(self, batch: Batch) -> Tensor:
-        """Of each seed (seeds,): the mean squared error of actions."""
+        """Returns the mean squared error of actions (seeds,)."""
         return ((self.actor.mean(batch.observation) - batch.action) ** 2).mean((1, 2))
 
     def _update(self) -> dict[str, Tensor]:
@@ -156,7 +156,7 @@ class BC:
             "random": [source.get_state() for source in self._replay.sources],
             "updates": self.updates,
         }
-        return copy.deepcopy(state)  # What is in them goes on changing.
+        return copy.deepcopy(state)  # Training changes the arrays in place.
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """See `Learner`."""

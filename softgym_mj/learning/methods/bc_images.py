@@ -1,7 +1,7 @@
-"""Behavior cloning from images: students of `distill` are fitted to episodes of the expert alone.
+"""Behavior cloning from images: trains students of `distill` on episodes of the expert.
 
-Nothing is acted while it learns, so that it never sees what its own errors lead to (no DAgger): for
-tasks without a good policy of states, which `distill` needs.
+Unlike `distill` it collects no states of the student (no DAgger). It suits tasks without a good
+state policy as a teacher.
 """
 
 import dataclasses
@@ -18,23 +18,23 @@ from softgym_mj.learning.methods.distill import LABEL, Distill, StudentSettings
 from softgym_mj.recording.noise import check_noise
 from softgym_mj.validation import typed
 
-_NOTHING = Step(*[torch.zeros(())] * 6)  # `Distill` learns from its frames.
+_NOTHING = Step(*[torch.zeros(())] * 6)  # `Distill` ignores the step: it learns from its frames.
 
 
 @typed
 @dataclasses.dataclass(frozen=True)
 class BCImagesSettings(StudentSettings):
-    """How a student learns, and from how much.
+    """Settings of behavior cloning from images.
 
     Attributes:
-        privileged, buffer: unused: students have all that is observed, of all episodes.
-        demonstrations: number of episodes of the expert.
-        jobs: number of processes that play them; None for as many as there are cores.
-        demonstration_noise: standard deviation of the noise on what they apply, as in
-            `recording.record`; what is learned are the actions of the expert itself.
+        privileged, buffer: Unused.
+        demonstrations: Number of the expert's episodes.
+        jobs: Number of processes that play them; None for the number of cores.
+        demonstration_noise: Standard deviation of the noise on applied actions, as in
+            `recording.record`; labels are the expert's own actions.
 
     Raises:
-        InvalidArgumentError: for numbers out of range.
+        InvalidArgumentError: for a value out of range.
     """
 
     privileged: str = ""
@@ -51,7 +51,7 @@ class BCImagesSettings(StudentSettings):
 
 
 class _Shown(Frames):
-    """Frames that are in the cache, too: their state has random numbers alone."""
+    """Frames of cached demonstrations; their state has only random generators."""
 
     def get_state(self) -> dict[str, Any]:
         return {"random": [source.get_state() for source in self.sources]}
@@ -62,25 +62,25 @@ class _Shown(Frames):
 
 
 class BCImages(Distill):
-    """An `Offline` learner.
+    """`Offline` learner of behavior cloning from images.
 
     Attributes:
-        demonstrated: env steps of the demonstrations.
+        demonstrated: Number of demonstrated env steps.
     """
 
     FRAMES = _Shown
 
     def __init__(self, settings: BCImagesSettings, problem: Problem, shown: Mapping[str, Tensor]):
-        """Draws the students and keeps what they learn from.
+        """Draws the students and stores the demonstrations.
 
         Args:
-            settings: how they learn.
-            problem: what is to be learned.
-            shown: observations and `LABEL`, actions of the expert (episodes, steps, ...) by name.
+            settings: Settings of the students.
+            problem: Learning problem.
+            shown: Observations and actions (`LABEL`) of the expert (episodes, steps, ...) by name.
         """
         episodes, steps = shown[LABEL].shape[:2]
         self.demonstrated = episodes * steps
-        # As many updates as there are vector steps in the whole training.
+        # One update for each vector step of the whole training.
         total = problem.env_steps // problem.num_envs * episodes
         own = dataclasses.replace(problem, num_envs=episodes, env_steps=total)
         whole = dataclasses.replace(settings, buffer=self.demonstrated)
@@ -92,7 +92,7 @@ class BCImages(Distill):
     def act(
         self, observation: Any, first: Tensor, memory: Any, *, explore: bool
     ) -> tuple[Tensor, Any]:
-        """Returns actions and stacks, also of a single observation, which has no name."""
+        """Returns actions and stacks of images; a single observation is an array without a name."""
         if isinstance(observation, Tensor):
             observation = {str(self._problem.observed): observation}
         return super().act(observation, first, memory, explore=explore)

@@ -1,10 +1,9 @@
-"""CURL (Laskin et al., 2020): soft actor-critic that also learns to tell images apart.
+"""CURL (Laskin et al., 2020): soft actor-critic from images with a contrastive loss.
 
-Features of two crops of one image are to be more alike than those of crops of others. With the
-paper's details (softagent's `curl/curl_sac.py`): what acts sees the middle of images, critics learn
-from the first crop, and the contrastive loss is followed by two optimizers, one of the encoder and
-one of the encoder and the matrix that compares. A crop may begin at any place; the paper's code
-leaves out the last ones.
+The loss makes features of two crops of an image more similar than those of other images. Details
+are the paper's (softagent's `curl/curl_sac.py`): the policy acts on center crops, critics learn
+from the first crop, and two optimizers minimize the contrastive loss, one of the encoder and one of
+encoder and bilinear matrix. Crops start at any pixel; the paper's code omits the last ones.
 """
 
 import copy
@@ -28,15 +27,15 @@ from softgym_mj.validation import typed
 @typed
 @dataclasses.dataclass(frozen=True)
 class CURLSettings(PixelSettings):
-    """How it learns; the defaults are the paper's, of most tasks.
+    """Settings of CURL; the defaults are the paper's for most tasks.
 
     Attributes:
-        crop: height and width of crops [pixels].
-        encoder_rate: of Adam, of the contrastive loss.
-        encoder_tau: share of the encoder in its targets, at each update of these.
+        crop: Height and width of crops [pixels].
+        encoder_rate: Learning rate of the contrastive loss.
+        encoder_tau: Polyak coefficient of the target encoder.
 
     Raises:
-        InvalidArgumentError: for numbers out of range.
+        InvalidArgumentError: for a value out of range.
     """
 
     actor_rate: float = 3e-4
@@ -53,22 +52,22 @@ class CURLSettings(PixelSettings):
 
 
 class Contrast(nn.Module):
-    """Compares features by a matrix of each seed, with numbers in 0..1 at first."""
+    """Bilinear similarity of features, with a matrix of each seed, initially uniform in 0..1."""
 
     def __init__(self, sources: Sequence[torch.Generator], features: int):
         super().__init__()
         self.weight = nn.Parameter(drawn(sources, features, features, normal=False))
 
     def forward(self, anchors: Tensor, others: Tensor) -> Tensor:
-        """How alike those of (seeds, n, features) are: (seeds, n, n), a row for each anchor."""
+        """Returns similarities (seeds, n, n) of features (seeds, n, features), a row an anchor."""
         return anchors @ self.weight @ others.mT
 
 
 class CURL(PixelSAC):
-    """Actors and critics that see crops, and their contrastive loss.
+    """Soft actor-critic on crops, with a contrastive loss.
 
     Attributes:
-        contrast: what compares features.
+        contrast: Bilinear similarity of features.
     """
 
     settings: CURLSettings
@@ -80,7 +79,7 @@ class CURL(PixelSAC):
         action: int,
         device: torch.device | str = "cpu",
     ):
-        """Draws the networks; arguments as of `PixelSAC`."""
+        """Draws the networks; arguments are those of `PixelSAC`."""
         super().__init__(settings, seeds, (settings.crop, settings.crop), action, device)
         self.contrast = Contrast(self.sources, settings.features)
         weights, rate = [*self.critics.encoder.parameters()], settings.encoder_rate
@@ -88,7 +87,7 @@ class CURL(PixelSAC):
         self._contrast_adam = adam([*weights, *self.contrast.parameters()], rate)
 
     def update(self, batch: Batch) -> dict[str, Tensor]:
-        """Learns from a batch of images; returns losses and the like (seeds,) by name."""
+        """Makes one update from a batch of images; returns losses (seeds,) by name."""
         anchor, following, other = (
             cropped(pictures, self._size, drawn(self.sources, 2, pictures.shape[1], normal=False))
             for pictures in (batch.observation, batch.next_observation, batch.observation)
@@ -97,19 +96,19 @@ class CURL(PixelSAC):
         result = super().update(seen)
         loss = self.contrastive_loss(anchor, other)
         step(self._contrast_adam, loss)
-        self._encoder_adam.step()  # By the same gradients.
+        self._encoder_adam.step()  # Uses the same gradients.
         return result | {"contrastive_loss": loss.detach()}
 
     def contrastive_loss(self, anchors: Tensor, others: Tensor) -> Tensor:
-        """Of each seed (seeds,): how hard it is to find an anchor's other crop among all.
+        """Returns the InfoNCE loss (seeds,) of finding an anchor's other crop in the batch.
 
         Args:
-            anchors: crops (seeds, n, height, width, 3).
-            others: crops of the same images, in the same order.
+            anchors: Crops (seeds, n, height, width, 3).
+            others: Crops of the same images, in the same order.
         """
         with torch.no_grad():
             keys = self.targets.encoder(others)
-        # Cross entropy; what is largest in a row is subtracted inside.
+        # The cross entropy subtracts the maximum of each row internally.
         shares = self.contrast(self.critics.encoder(anchors), keys).log_softmax(-1)
         return -shares.diagonal(dim1=-2, dim2=-1).mean(-1)
 
@@ -120,11 +119,11 @@ class CURL(PixelSAC):
     # ------------------------------------------------------------------ state
 
     def get_state(self) -> dict[str, Any]:
-        """Returns all that `set_state` needs to go on with the same numbers."""
+        """Returns the state from which `set_state` continues exactly."""
         return super().get_state() | {"contrast": copy.deepcopy(self.contrast.state_dict())}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Goes on from what `get_state` returned."""
+        """Restores a state of `get_state`."""
         super().set_state(state)
         self.contrast.load_state_dict(state["contrast"])
 

@@ -1,7 +1,7 @@
-"""DrQ (Kostrikov et al., 2020): soft actor-critic from images that are shifted at random.
+"""DrQ (Kostrikov et al., 2020): soft actor-critic from randomly shifted images.
 
-With the paper's details (softagent's `drq/Drq.py`): each image is shifted twice; what critics are
-to find is the mean of both next images, and they are to find it for both images.
+Details are the paper's (softagent's `drq/Drq.py`): each image is shifted twice; targets are
+averaged over both shifts of the next image, and losses over both shifts of the image.
 """
 
 import dataclasses
@@ -16,19 +16,19 @@ from softgym_mj.learning.off_policy import OffPolicy
 from softgym_mj.learning.replay import Batch
 from softgym_mj.validation import typed
 
-_SHIFTS = 2  # Of an image and of the next one: K = M = 2 in the paper.
+_SHIFTS = 2  # Shifts of an image and of the next one: K = M = 2 in the paper.
 
 
 @typed
 @dataclasses.dataclass(frozen=True)
 class DrQSettings(PixelSettings):
-    """How it learns; the defaults are the paper's.
+    """Settings of DrQ; the defaults are the paper's.
 
     Attributes:
-        pad: the furthest shift in each direction [pixels]; edges are repeated.
+        pad: Largest shift in each direction [pixels]; edges are repeated.
 
     Raises:
-        InvalidArgumentError: for numbers out of range.
+        InvalidArgumentError: for a value out of range.
     """
 
     alpha_beta: float = 0.9
@@ -41,15 +41,15 @@ class DrQSettings(PixelSettings):
 
 
 class DrQ(PixelSAC):
-    """Actors and critics that see shifted images.
+    """Soft actor-critic on shifted images.
 
-    Batches that losses take have all first shifts of images and then all second ones.
+    Batches of losses have all first shifts of images, then all second shifts.
     """
 
     settings: DrQSettings
 
     def update(self, batch: Batch) -> dict[str, Tensor]:
-        """Learns from a batch of images; returns losses and the like (seeds,) by name."""
+        """Makes one update from a batch of images; returns losses (seeds,) by name."""
         return super().update(self._shifted(batch))
 
     def _shifted(self, batch: Batch) -> Batch:
@@ -64,16 +64,16 @@ class DrQ(PixelSAC):
         return Batch(**whole)
 
     def critic_target(self, batch: Batch, noise: Tensor) -> Tensor:
-        """As of `SAC`: means of both shifts (seeds, 2 n)."""
+        """Returns critic targets (seeds, 2 n), averaged over both shifts."""
         each = super().critic_target(batch, noise).unflatten(1, (_SHIFTS, -1))
         return each.mean(1).repeat(1, _SHIFTS)
 
     def critic_loss(self, batch: Batch, noise: Tensor) -> Tensor:
-        """As of `SAC`: squared errors of both critics and both shifts (seeds,), added up."""
+        """Returns the sum (seeds,) of squared errors of both critics and both shifts."""
         return _SHIFTS * super().critic_loss(batch, noise)
 
     def actor_losses(self, batch: Batch, noise: Tensor) -> tuple[Tensor, Tensor]:
-        """As of `SAC`, of first shifts."""
+        """Returns the losses of actor and entropy weight (seeds,), of first shifts."""
         half = batch.reward.shape[1] // _SHIFTS
         first = Batch(*(value[:, :half] for value in vars(batch).values()))
         return super().actor_losses(first, noise[:, :half])

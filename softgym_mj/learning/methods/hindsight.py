@@ -1,9 +1,8 @@
 """Soft actor-critic with hindsight experience replay (HER; Andrychowicz et al., 2017).
 
-Of each batch a share is shown with a goal that was reached later in the same episode in place of
-its own, and the reward that the task itself measures with it. For tasks that draw their goal anew
-in each variation: `tasks.shared.goals`. Environments are observed in full, networks see the task's
-reduced state, which is computed of it.
+A share of each batch is relabeled with a goal that was reached later in the same episode, and with
+the task's reward for that goal. It supports tasks whose goal varies (`tasks.shared.goals`). The
+environments' observation is full; networks observe the reduced state, which is computed from it.
 """
 
 import dataclasses
@@ -30,15 +29,15 @@ STRATEGIES = ("future", "final")
 @typed
 @dataclasses.dataclass(frozen=True)
 class HindsightSettings(StateSACSettings):
-    """How it learns.
+    """Settings of soft actor-critic with hindsight.
 
     Attributes:
-        share: of a batch that gets other goals; the paper's best, 4 for each of their own, is .8.
-        strategy: whether these were reached at any later step of the episode ("future", the
-            paper's best), or at its end ("final").
+        share: Share of a batch that is relabeled; 0.8 is the paper's best.
+        strategy: "future" (the paper's best) for goals of any later step of the episode, "final"
+            for those of its end.
 
     Raises:
-        InvalidArgumentError: for numbers out of range.
+        InvalidArgumentError: for a value out of range.
     """
 
     share: float = 0.8
@@ -51,7 +50,7 @@ class HindsightSettings(StateSACSettings):
 
 
 class HindsightReplay(Replay):
-    """A replay of full states; its batches are reduced ones, some with other goals."""
+    """Replay buffer of full states, whose batches are relabeled reduced states."""
 
     def __init__(
         self,
@@ -63,15 +62,15 @@ class HindsightReplay(Replay):
         strategy: str,
         **settings: Any,
     ):
-        """Makes room.
+        """Allocates the buffer.
 
         Args:
-            *args: of `Replay`.
-            of: goals of the task.
-            horizon: env steps in an episode, at most.
-            reward_scale: factor to the task's rewards.
-            share, strategy: as in `HindsightSettings`.
-            **settings: of `Replay`.
+            *args: Arguments of `Replay`.
+            of: Goals of the task.
+            horizon: Maximum number of env steps in an episode.
+            reward_scale: Factor of the task's rewards.
+            share, strategy: Settings of `HindsightSettings`.
+            **settings: Further arguments of `Replay`.
         """
         super().__init__(*args, **settings)
         self._goals, self._horizon, self._reward_scale = of, horizon, reward_scale
@@ -104,7 +103,7 @@ class HindsightReplay(Replay):
         return (first[..., None] + ahead) % self._capacity, seed, env_index[..., None]
 
     def _left(self, first: Tensor, env_index: Tensor) -> Tensor:
-        """How many steps (seeds, n) of the same episode are kept that come later."""
+        """Returns the number of later steps (seeds, n) of the same episode in the buffer."""
         size, oldest = self._extent
         age = (first - oldest) % self._capacity
         ahead = torch.arange(self._horizon, device=first.device)
@@ -113,7 +112,7 @@ class HindsightReplay(Replay):
         return (last.cumsum(-1) == 0).sum(-1).clamp(max=self._horizon - 1)
 
     def _rewards(self, first: Tensor, env_index: Tensor, goal: dict[str, Tensor]) -> Tensor:
-        """Sums (seeds, n) as of `Batch` that begin in these vector steps, with these goals."""
+        """Returns n-step sums of rewards (seeds, n) from these vector steps, for these goals."""
         ahead = torch.arange(self._steps, device=first.device)
         at = self._from(first, env_index, ahead)
         state, episode = self._goals.read(self.arrays["next_observation"][at])
@@ -133,12 +132,12 @@ def reduced(of: Goals, full: Tensor, goal: dict[str, Tensor] | None = None) -> T
 
 
 def _where(which: Tensor, these: Tensor, others: Tensor) -> Tensor:
-    """Returns arrays (seeds, n, ...) of these where `which` (seeds, n), else of others."""
+    """Returns entries (seeds, n, ...) of `these` where `which` (seeds, n), else of `others`."""
     return torch.where(which.reshape(*which.shape, *[1] * (others.ndim - 2)), these, others)
 
 
 class HindsightSAC(SAC):
-    """Networks of reduced states, which are told full ones to act."""
+    """Soft actor-critic on reduced states that acts on full states."""
 
     def __init__(
         self,
@@ -151,11 +150,11 @@ class HindsightSAC(SAC):
         """Draws the networks.
 
         Args:
-            settings: how it learns.
-            seeds: of the random numbers, each of a training of its own.
-            of: goals of the task.
-            action: size.
-            device: where.
+            settings: Settings of the method.
+            seeds: Seeds of the trainings.
+            of: Goals of the task.
+            action: Size of an action.
+            device: PyTorch device.
         """
         super().__init__(settings, seeds, of.task.observe("reduced").size, action, device)
         self._goals = of
@@ -170,7 +169,7 @@ class HindsightSAC(SAC):
 
 
 class _Reduced(nn.Module):
-    """Reduced states of full ones (n, k), on a processor."""
+    """Converts full states (n, k) to reduced ones, on the CPU."""
 
     def __init__(self, of: Goals):
         super().__init__()

@@ -1,9 +1,9 @@
-"""Soft actor-critic from images, of several seeds at once: what CURL and DrQ have in common.
+"""Soft actor-critic from images for several seeds: the common part of CURL and DrQ.
 
-Actor and critics share convolutions, with a linear layer, LayerNorm and losses of their own behind
-them; only critics teach the convolutions (softagent's `encoder.py`). Each seed's convolutions are
-dense ones of their own: as groups of one convolution they take longer. Sources of numbers: [S] is
-softagent's `curl/encoder.py`, `curl/curl_sac.py`.
+Actor and critics share convolutions, followed by linear layers and LayerNorm of their own. Only the
+critic loss trains the convolutions (softagent's `encoder.py`). Each seed has separate convolutions,
+which are faster than one grouped convolution. Numbers marked [S] are from softagent's
+`curl/encoder.py` and `curl/curl_sac.py`.
 """
 
 import dataclasses
@@ -20,23 +20,23 @@ from softgym_mj.learning.networks import Actor, LayerNorm, Linear, lines
 from softgym_mj.validation import typed
 
 _KERNEL, _STRIDES = 3, (2, 1, 1, 1)  # [S]
-LEAST = 15  # Pixels of which these leave one.
+LEAST = 15  # Minimum image side, of which the convolutions leave one pixel.
 
 
 @typed
 @dataclasses.dataclass(frozen=True)
 class PixelSettings(SACSettings):
-    """How it learns; the defaults are the paper's.
+    """Settings of soft actor-critic from images; the defaults are the paper's.
 
     Attributes:
-        channels: of each convolution.
-        features: of an image, for actor and critics.
-        tanh: whether these go through tanh.
-        bfloat16: whether convolutions calculate in bfloat16, with weights of 32 bits: twice as fast
-            on a GPU.
+        channels: Channels of each convolution.
+        features: Number of features of an image, for actor and critics.
+        tanh: Whether features pass through tanh.
+        bfloat16: Whether convolutions compute in bfloat16 with 32-bit weights: twice as fast on a
+            GPU.
 
     Raises:
-        InvalidArgumentError: for numbers out of range.
+        InvalidArgumentError: for a value out of range.
     """
 
     channels: int = 32
@@ -53,10 +53,10 @@ class PixelSettings(SACSettings):
 
 
 def picture_size(problem: Problem) -> tuple[int, int]:
-    """Height and width of a problem's images.
+    """Returns height and width of a problem's images.
 
     Raises:
-        InvalidArgumentError: if it has none, or too small ones.
+        InvalidArgumentError: for a problem without images or with too small ones.
     """
     if len(problem.observation) != 3 or min(problem.observation[:2]) < LEAST:
         valid = f"images (height, width, 3) of {LEAST} or more pixels: observation 'rgb'"
@@ -68,14 +68,13 @@ def picture_size(problem: Problem) -> tuple[int, int]:
 
 
 def cropped(pictures: Tensor, size: tuple[int, int], shares: Tensor, pad: int = 0) -> Tensor:
-    """Returns a part (seeds, n, *size, 3) of each picture.
+    """Returns a crop (seeds, n, *size, 3) of each image.
 
     Args:
-        pictures: (seeds, n, height, width, 3).
-        size: height and width of parts.
-        shares: numbers (seeds, 2, n) in 0..1 that choose the row and column where one begins, of
-            all that there are.
-        pad: pixels by which pictures go on beyond their edges, which are repeated.
+        pictures: Images (seeds, n, height, width, 3).
+        size: Height and width of crops.
+        shares: Numbers (seeds, 2, n) in 0..1 that select the first row and column.
+        pad: Padding [pixels] by repeated edges.
     """
     rows, columns = (
         lines(shares[:, k], pictures.shape[2 + k], size[k], pad) for k in range(2)
@@ -86,7 +85,7 @@ def cropped(pictures: Tensor, size: tuple[int, int], shares: Tensor, pad: int = 
 
 
 def centre(pictures: Tensor, size: tuple[int, int]) -> Tensor:
-    """Returns the part (..., *size, 3) in the middle of pictures (..., height, width, 3)."""
+    """Returns the center crop (..., *size, 3) of images (..., height, width, 3)."""
     (height, width), (rows, columns) = pictures.shape[-3:-1], size
     top, left = (height - rows) // 2, (width - columns) // 2
     return pictures[..., top : top + rows, left : left + columns, :]
@@ -96,10 +95,10 @@ def centre(pictures: Tensor, size: tuple[int, int]) -> Tensor:
 
 
 class Convolutions(nn.Module):
-    """Convolutions of all seeds with ReLU behind each.
+    """Convolutions of each seed, with ReLU.
 
     Attributes:
-        outputs: numbers for an image.
+        outputs: Number of outputs for an image.
     """
 
     def __init__(
@@ -109,13 +108,13 @@ class Convolutions(nn.Module):
         size: tuple[int, int],
         kind: torch.dtype = torch.float32,
     ):
-        """Draws the weights: orthogonal in the middle of kernels, else 0 [S].
+        """Draws the weights: orthogonal at the center of kernels, 0 elsewhere [S].
 
         Args:
             sources: of random numbers, one a seed.
-            channels: of each.
-            size: height and width of what is seen: the middle of larger pictures.
-            kind: in which they calculate; weights and outputs are float32.
+            channels: Channels of each convolution.
+            size: Height and width of the center crop that is used.
+            kind: Data type of the computation; weights and outputs are float32.
         """
         super().__init__()
         self._kind = kind
@@ -133,14 +132,14 @@ class Convolutions(nn.Module):
         self.outputs = channels * size[0] * size[1]
 
     def forward(self, pictures: Tensor) -> Tensor:
-        """Of uint8 (seeds, n, height, width, 3): (seeds, n, outputs)."""
-        seen = center(pictures, self._size)
+        """Maps images (seeds, n, height, width, 3) uint8 to outputs (seeds, n, outputs)."""
+        seen = centre(pictures, self._size)
         return torch.stack([self._single(own, k) for k, own in enumerate(seen)])
 
     def _single(self, seen: Tensor, seed: int) -> Tensor:
-        """Of the seed at a place: (n, outputs)."""
+        """Returns outputs (n, outputs) of the seed at an index."""
         kind = self._kind
-        x = seen.permute(0, 3, 1, 2).to(kind) / 255.0  # Channels stay last in memory.
+        x = seen.permute(0, 3, 1, 2).to(kind) / 255.0  # The memory layout remains channels-last.
         for weight, bias, stride in zip(self.weights, self.biases, _STRIDES, strict=True):
             own = weight[seed].to(kind), bias[seed].to(kind)
             x = torch.relu(nn.functional.conv2d(x, *own, stride))
@@ -148,7 +147,7 @@ class Convolutions(nn.Module):
 
 
 class StopGradient(nn.Module):
-    """Lets no gradient through."""
+    """Identity whose gradient is zero."""
 
     def forward(self, x: Tensor) -> Tensor:
         """Returns the same numbers."""
@@ -156,11 +155,11 @@ class StopGradient(nn.Module):
 
 
 class SeenCritics(nn.Module):
-    """Critics of what an encoder makes of images.
+    """Critics of features of images.
 
     Attributes:
-        encoder: from images (seeds, n, height, width, 3) to features (seeds, n, k).
-        critics: of these.
+        encoder: Maps images (seeds, n, height, width, 3) to features (seeds, n, k).
+        critics: Critics of features.
     """
 
     def __init__(self, encoder: nn.Module, critics: nn.Module):
@@ -168,12 +167,12 @@ class SeenCritics(nn.Module):
         self.encoder, self.critics = encoder, critics
 
     def forward(self, observation: Tensor, action: Tensor) -> Tensor:
-        """Of (seeds, n, ...): (2, seeds, n)."""
+        """Returns action values (2, seeds, n)."""
         return self.critics(self.encoder(observation), action)
 
 
 class PixelSAC(SAC):
-    """Actors and critics that see images: `SAC` on features that critics learn."""
+    """Soft actor-critic on features of images that the critic loss trains."""
 
     settings: PixelSettings
 
@@ -188,11 +187,11 @@ class PixelSAC(SAC):
         """Draws the networks.
 
         Args:
-            settings: how it learns.
-            seeds: of the random numbers, each of a training of its own.
-            size: height and width of what is seen: the middle of larger pictures.
-            action: size.
-            device: where.
+            settings: Settings of the method.
+            seeds: Seeds of the trainings.
+            size: Height and width of the center crop that is used.
+            action: Size of an action.
+            device: PyTorch device.
         """
         self._size = size
         super().__init__(settings, seeds, settings.features, action, device)
@@ -206,7 +205,7 @@ class PixelSAC(SAC):
         return actor, SeenCritics(nn.Sequential(convolutions, *shared), critics)
 
     def _head(self, inputs: int, features: int) -> list[nn.Module]:
-        """Layers behind the convolutions."""
+        """Returns the layers after the convolutions."""
         norm = LayerNorm(len(self.sources), features, self.sources[0].device)
         layers = [Linear(self.sources, inputs, features), norm]
         return [*layers, nn.Tanh()] if self.settings.tanh else layers

@@ -1,9 +1,8 @@
 """Soft actor-critic on full states, with networks of point sets.
 
-Each point goes through the same small network, and what comes out is pooled, so that neither the
-order of points nor their number matters: Deep Sets (Zaheer et al., 2017), with the maxima of
-PointNet (Qi et al., 2017) beside the means. A point is seen beside the numbers that are in no set:
-the pickers, or the cups.
+The same small network maps each point, together with the state of pickers or cups, to features,
+which are pooled by mean (Deep Sets, Zaheer et al., 2017) and maximum (PointNet, Qi et al., 2017).
+The result does not depend on the order of points.
 """
 
 import dataclasses
@@ -28,13 +27,13 @@ from softgym_mj.validation import typed
 @typed
 @dataclasses.dataclass(frozen=True)
 class PointSetSettings(SACSettings):
-    """How it learns.
+    """Settings of soft actor-critic on point sets.
 
     Attributes:
-        points: sizes of the layers that each point goes through; the last one's are pooled.
+        points: Sizes of the layers for points; the outputs of the last one are pooled.
 
     Raises:
-        InvalidArgumentError: for numbers out of range.
+        InvalidArgumentError: for a value out of range.
     """
 
     points: tuple[int, ...] = (64, 128)
@@ -46,11 +45,11 @@ class PointSetSettings(SACSettings):
 
 
 class Layout(NamedTuple):
-    """What is where in a full state.
+    """Layout of a full state.
 
     Attributes:
-        sets: first number and number of points of each set: those of the objects, then others.
-        rest: numbers that are in none.
+        sets: Index of the first entry and number of points of each set, objects first.
+        rest: Indices of entries in no set.
     """
 
     sets: tuple[tuple[int, int], ...]
@@ -58,10 +57,10 @@ class Layout(NamedTuple):
 
 
 def layout(env: Environment) -> Layout:
-    """That of a task.
+    """Returns the layout of a task's full state.
 
     Args:
-        env: plays the task; after a reset.
+        env: Environment of the task after a reset.
     """
     task = env.task
     sets, end = [(0, task.max_points)], 3 * task.max_points
@@ -79,7 +78,7 @@ class PointSets(nn.Module):
     """Features of full states.
 
     Attributes:
-        size: how many.
+        size: Number of features.
     """
 
     rest: Tensor
@@ -90,10 +89,10 @@ class PointSets(nn.Module):
         """Draws the weights.
 
         Args:
-            sources: of random numbers, one a seed.
-            where: what is where.
-            sizes: of the layers that each point goes through.
-            norm: whether hidden ones are normalized.
+            sources: Random generators, one per seed.
+            where: Layout of the full state.
+            sizes: Sizes of the layers for points.
+            norm: Whether hidden layers have LayerNorm.
         """
         super().__init__()
         self._sets = where.sets
@@ -104,7 +103,7 @@ class PointSets(nn.Module):
         self.size = len(where.rest) + 2 * sizes[-1] * len(where.sets)
 
     def forward(self, full: Tensor) -> Tensor:
-        """Of (seeds, n, k): (seeds, n, size)."""
+        """Maps full states (seeds, n, k) to features (seeds, n, size)."""
         rest = full[..., self.rest]
         result = [rest]
         for network, (start, number) in zip(self.each, self._sets, strict=True):
@@ -119,14 +118,14 @@ class PointSets(nn.Module):
 
 
 class PointActor(Actor):
-    """An actor of full states."""
+    """Actor on full states."""
 
     def __init__(self, encoder: PointSets, *args: Any):
         """Draws the network.
 
         Args:
-            encoder: what it sees by.
-            *args: of `Actor`, without the size of observations.
+            encoder: Encoder of full states.
+            *args: Arguments of `Actor` without the size of observations.
         """
         sources, *others = args
         super().__init__(sources, encoder.size, *others)
@@ -134,15 +133,15 @@ class PointActor(Actor):
 
 
 class PointCritics(Critics):
-    """Critics of full states, that share an encoder."""
+    """Critics of full states with a shared encoder."""
 
     def __init__(self, encoder: PointSets, *args: Any, norm: bool):
         """Draws the networks.
 
         Args:
-            encoder: what they see by.
-            *args: of `Critics`, without the size of observations.
-            norm: as of `Critics`.
+            encoder: Encoder of full states.
+            *args: Arguments of `Critics` without the size of observations.
+            norm: Argument of `Critics`.
         """
         sources, *others = args
         super().__init__(sources, encoder.size, *others, norm=norm)
@@ -154,7 +153,7 @@ class PointCritics(Critics):
 
 
 class PointSAC(SAC):
-    """Actors and critics of full states."""
+    """Soft actor-critic on full states."""
 
     settings: PointSetSettings
 
@@ -169,11 +168,11 @@ class PointSAC(SAC):
         """Draws the networks.
 
         Args:
-            settings: how it learns.
-            seeds: of the random numbers, each of a training of its own.
-            where: what is where in a full state.
-            action: size.
-            device: where.
+            settings: Settings of the method.
+            seeds: Seeds of the trainings.
+            where: Layout of the full state.
+            action: Size of an action.
+            device: PyTorch device.
         """
         self._where = where
         size = len(where.rest) + 3 * sum(number for _, number in where.sets)
@@ -193,15 +192,15 @@ class PointSAC(SAC):
 
 
 def full_symmetries(env: Environment) -> list[Symmetry]:
-    """Returns those of a task, of its full states, but for such that only order points otherwise.
+    """Returns the symmetries of a task's full states, without permutations of points.
 
     Args:
-        env: plays the task; after a reset.
+        env: Environment of the task after a reset.
 
     Raises:
-        InvalidArgumentError: for a task or an actor that has none.
+        InvalidArgumentError: for a task or an actor without symmetries.
     """
-    number = env.task.observe("full").size // 3  # Points alone: `symmetries` has checked it.
+    number = env.task.observe("full").size // 3  # Points only, as `symmetries` has checked.
     result = []
     for symmetry in symmetries(env):
         if symmetry.order == "same":

@@ -1,9 +1,9 @@
 """Reinforcement learning with prior data (RLPD; Ball et al., 2023, arXiv:2302.02948).
 
-SAC of which half a batch are demonstrations, with an ensemble of normalized critics: targets are
-the least of a few that are drawn for each update, and the actor follows the mean of all. Details
-are those of the authors' code (github.com/ikostrikov/rlpd, `sac_learner.py`); deviations are
-bounded as in SAC here.
+SAC with demonstrations in half of each batch and an ensemble of critics with LayerNorm. Targets are
+the minimum of a random subset of critics, and the actor maximizes the mean of all. Details are
+those of the authors' code (github.com/ikostrikov/rlpd, `sac_learner.py`); log standard deviations
+are bounded as in `sac`.
 """
 
 import dataclasses
@@ -26,20 +26,20 @@ from softgym_mj.validation import typed
 @typed
 @dataclasses.dataclass(frozen=True)
 class RLPDSettings(StateSACSettings):
-    """How it learns; the defaults are the authors', of manipulation (Adroit), for one environment.
+    """Settings of RLPD; the defaults are the authors' for manipulation (Adroit), one environment.
 
-    `batch` counts env steps of environments, which come with as many demonstrated ones.
+    A batch has `batch` env steps of environments and as many demonstrated ones.
 
     Attributes:
-        demonstrations: episodes of the expert.
-        jobs: processes that play them; None for as many as there are cores.
-        critics: how many.
-        least_of: of how many the least is a target.
-        backup_entropy: whether targets have the entropy of next actions.
-        min_q_weight: of what the actor follows; targets have `least_of`.
+        demonstrations: Number of the expert's episodes.
+        jobs: Processes that play them; None for the number of cores.
+        critics: Number of critics.
+        least_of: Number of random critics whose minimum is the target.
+        backup_entropy: Whether targets include the entropy of next actions.
+        min_q_weight: Weight of the minimum in the actor's objective; targets use `least_of`.
 
     Raises:
-        InvalidArgumentError: for numbers out of range.
+        InvalidArgumentError: for a value out of range.
     """
 
     random_steps: int = 5_000
@@ -72,19 +72,19 @@ class RLPDSettings(StateSACSettings):
 
 
 def least(values: Tensor, shares: Tensor, number: int) -> Tensor:
-    """Returns the least (seeds, n) of so many of the values (critics, seeds, n).
+    """Returns the minimum (seeds, n) over a random subset of values (critics, seeds, n).
 
     Args:
-        values: of all.
-        shares: random numbers (seeds, critics): the critics of the largest ones are taken.
-        number: of critics.
+        values: Values of all critics.
+        shares: Random numbers (seeds, critics); the critics with the largest are selected.
+        number: Size of the subset.
     """
     taken = shares.topk(number, dim=-1).indices.T  # (number, seeds)
     return values.gather(0, taken[..., None].expand(-1, -1, values.shape[-1])).amin(0)
 
 
 class RLPD(SAC):
-    """Actors and ensembles of critics that are trained side by side."""
+    """Soft actor-critic with ensembles of critics and demonstrations."""
 
     settings: RLPDSettings
 
@@ -100,11 +100,11 @@ class RLPD(SAC):
         """Draws the networks.
 
         Args:
-            settings: how it learns.
-            seeds: of the random numbers, each of a training of its own.
-            shown: demonstrations.
-            observation, action: sizes.
-            device: where.
+            settings: Settings of the method.
+            seeds: Seeds of the trainings.
+            shown: Replay buffer of demonstrations.
+            observation, action: Sizes of an observation and an action.
+            device: PyTorch device.
         """
         super().__init__(settings, seeds, observation, action, device)
         self._shown, self._own = shown, self.sources
@@ -119,7 +119,7 @@ class RLPD(SAC):
         return drawn(self._own, *shape)
 
     def critic_target(self, batch: Batch, noise: Tensor) -> Tensor:
-        """As of `SAC`, but for the value: the least of some critics, drawn anew."""
+        """Returns critic targets (seeds, n) with the minimum of a new random subset of critics."""
         settings = self.settings
         with torch.no_grad():
             action, density = self.actor.sample(batch.next_observation, noise)
@@ -131,7 +131,7 @@ class RLPD(SAC):
             return batch.reward + batch.discount * value
 
     def update(self, batch: Batch) -> dict[str, Tensor]:
-        """Learns from a batch and as many demonstrated steps; returns as `SAC.update`."""
+        """Makes one update from a batch and demonstrations; returns losses (seeds,) by name."""
         shown = self._shown.sample(batch.action.shape[1])
         pairs = zip(vars(batch).values(), vars(shown).values(), strict=True)
         return super().update(Batch(*(torch.cat(pair, dim=1) for pair in pairs)))
@@ -147,5 +147,5 @@ def make(settings: RLPDSettings, problem: Problem) -> OffPolicy:
     (size,) = problem.observation
     rlpd = RLPD(settings, problem.seeds, replay, size, problem.action, problem.device)
     learner = OffPolicy(settings, problem, rlpd)
-    replay.discount = learner.replay.discount  # What changes for one does for the other.
+    replay.discount = learner.replay.discount  # Both share the tensor, which may change.
     return learner

@@ -1,7 +1,7 @@
-"""Soft actor-critic (Haarnoja et al., 2018), of several seeds at once.
+"""Soft actor-critic (Haarnoja et al., 2018), for several seeds.
 
-With the paper's details (softagent's `curl_sac.py`): squared errors of both critics added up,
-targets that always go on at the horizon, the entropy weight learned as it is.
+Details are the paper's (softagent's `curl_sac.py`): the critic loss is the sum over both critics,
+targets bootstrap at the horizon, and the entropy weight itself (not its logarithm) is learned.
 """
 
 import copy
@@ -28,32 +28,34 @@ from softgym_mj.learning.optimization import adam, polyak_update, step
 from softgym_mj.learning.replay import Batch
 from softgym_mj.validation import typed
 
-MOST_ENTROPY = math.log(2.0)  # [nats], of an entry that is uniform in -1..1.
-STANDARD_SAMPLE = 10_000  # Env steps whose means and deviations are taken.
-# [m], or a share: what hardly changes at random may well do so later.
+MOST_ENTROPY = math.log(2.0)  # Entropy of a uniform entry in -1..1 [nats].
+STANDARD_SAMPLE = 10_000  # Env steps from which mean and standard deviation are computed.
+# Minimum standard deviation in the normalization: entries that random actions hardly change may
+# change later.
 LEAST_DEVIATION = 0.1
 
 
 @typed
 @dataclasses.dataclass(frozen=True)
 class SACSettings(OffPolicySettings):
-    """How it learns; the defaults are the paper's, of most tasks.
+    """Settings of soft actor-critic; the defaults are the paper's for most tasks.
 
     Attributes:
-        hidden: sizes of hidden layers, of all networks.
-        norm: whether critics normalize them.
-        tau: share of the critics in their targets, at each update of these.
-        actor_rate, critic_rate, alpha_rate: of Adam.
-        alpha: entropy weight at first.
-        alpha_beta: Adam's first one, of the entropy weight.
-        target_entropy: that the weight leads to, of each entry of an action [nats].
-        min_q_weight: 1 takes the least of what critics say, as the paper does; 0 their mean.
-        actor_every, target_every: critic updates for each of the actor and of the targets.
-        lr_halving_period: updates after which the rates of actor and critics are halved; 0: never.
-        log_std: least and largest of a deviation.
+        hidden: Sizes of the hidden layers of all networks.
+        norm: Whether critics have LayerNorm.
+        tau: Polyak coefficient of target critics.
+        actor_rate, critic_rate, alpha_rate: Learning rates of Adam.
+        alpha: Initial entropy weight.
+        alpha_beta: Adam's beta_1 of the entropy weight.
+        target_entropy: Target entropy of each entry of an action [nats].
+        min_q_weight: Weight of the critics' minimum against their mean: 1 (the paper) is the
+            minimum, 0 the mean.
+        actor_every, target_every: Critic updates per update of actor and targets.
+        lr_halving_period: Updates after which the rates of actor and critics are halved; 0: never.
+        log_std: Bounds of the log standard deviation.
 
     Raises:
-        InvalidArgumentError: for numbers out of range.
+        InvalidArgumentError: for a value out of range.
     """
 
     hidden: tuple[int, ...] = (1024, 1024)
@@ -87,13 +89,13 @@ class SACSettings(OffPolicySettings):
 @typed
 @dataclasses.dataclass(frozen=True)
 class StateSACSettings(SACSettings):
-    """The same for states.
+    """Settings of soft actor-critic on states.
 
     Attributes:
         normalize_observations: Whether observations are normalized by their means and deviations in
             the random steps.
-        fused: whether, on a GPU, losses are compiled to kernels that read and write hidden layers
-            less often (`torch.compile`, which takes about a minute at first).
+        fused: Whether, on a GPU, losses are compiled to fused kernels (`torch.compile`, which takes
+            about a minute at first).
     """
 
     normalize_observations: bool = False
@@ -101,12 +103,12 @@ class StateSACSettings(SACSettings):
 
 
 class SAC:
-    """Actors and critics that are trained side by side.
+    """Soft actor-critic of several seeds, an `Algorithm` of `OffPolicy`.
 
     Attributes:
-        settings: how.
-        actor, critics, targets: the networks.
-        updates, sources, period: as of `Algorithm`.
+        settings: Settings of the method.
+        actor, critics, targets: The networks.
+        updates, sources, period: Attributes of `Algorithm`.
     """
 
     def __init__(
@@ -120,10 +122,10 @@ class SAC:
         """Draws the networks.
 
         Args:
-            settings: how it learns.
-            seeds: of the random numbers, each of a training of its own.
-            observation, action: sizes.
-            device: where.
+            settings: Settings of the method.
+            seeds: Seeds of the trainings.
+            observation, action: Sizes of an observation and an action.
+            device: PyTorch device.
         """
         self.settings, self.sources = settings, generators(seeds, device)
         self.actor, self.critics = self._networks(observation, action)
@@ -131,9 +133,9 @@ class SAC:
         start = torch.full((len(seeds),), settings.alpha, device=device).log()
         self.log_alpha = start.requires_grad_(True)
         rates: tuple[float | Tensor, ...] = settings.actor_rate, settings.critic_rate
-        if settings.lr_halving_period:  # On the device, where they change.
+        if settings.lr_halving_period:  # The rates are tensors on the device.
             rates = tuple(torch.tensor(rate, device=device) for rate in rates)
-        self._done = torch.zeros((), dtype=torch.int64, device=device)  # Updates, told there.
+        self._done = torch.zeros((), dtype=torch.int64, device=device)  # Number of updates.
         self._actor_adam = adam(self.actor.parameters(), rates[0])
         self._critic_adam = adam(self.critics.parameters(), rates[1])
         self._alpha_adam = adam([self.log_alpha], settings.alpha_rate, settings.alpha_beta)
@@ -145,11 +147,11 @@ class SAC:
 
     @property
     def number_of_critics(self) -> int:
-        """Of each seed."""
+        """Number of critics of each seed."""
         return 2
 
     def _networks(self, observation: int, action: int) -> tuple[Actor, nn.Module]:
-        """Actor and critics, drawn."""
+        """Returns new actor and critics."""
         settings, sizes = self.settings, (observation, action, self.settings.hidden)
         seen: nn.Module = nn.Identity()
         if getattr(settings, "normalize_observations", False):
@@ -165,7 +167,7 @@ class SAC:
         """See `Algorithm`."""
         if getattr(self.settings, "normalize_observations", False):
             observation = sample(STANDARD_SAMPLE).observation
-            for network in (self.actor, self.targets):  # Critics see as the actor does.
+            for network in (self.actor, self.targets):  # Critics share the actor's normalization.
                 network.seen.fit(observation, LEAST_DEVIATION)
 
     @property
@@ -186,11 +188,11 @@ class SAC:
     # ------------------------------------------------------------------ losses
 
     def _judged(self, values: Tensor) -> Tensor:
-        """Returns the value (seeds, n) by what critics say (critics, seeds, n)."""
+        """Combines the critics' values (critics, seeds, n) to one (seeds, n) by `min_q_weight`."""
         return torch.lerp(values.mean(0), values.amin(0), self.settings.min_q_weight)
 
     def critic_target(self, batch: Batch, noise: Tensor) -> Tensor:
-        """Returns (seeds, n) that critics are to find; arguments as of `critic_loss`."""
+        """Returns critic targets (seeds, n); arguments are those of `critic_loss`."""
         with torch.no_grad():
             action, density = self.actor.sample(batch.next_observation, noise)
             value = self._judged(self.targets(batch.next_observation, action))
@@ -198,21 +200,21 @@ class SAC:
             return batch.reward + batch.discount * value
 
     def critic_loss(self, batch: Batch, noise: Tensor) -> Tensor:
-        """Of each seed (seeds,): squared errors of both critics, added up.
+        """Returns the sum (seeds,) of both critics' mean squared errors.
 
         Args:
-            batch: what is learned from.
-            noise: of next actions (seeds, n, action).
+            batch: The batch.
+            noise: Standard normal noise of next actions (seeds, n, action).
         """
         result = self.critics(batch.observation, batch.action)
         return ((result - self.critic_target(batch, noise)) ** 2).mean(-1).sum(0)
 
     def actor_losses(self, batch: Batch, noise: Tensor) -> tuple[Tensor, Tensor]:
-        """Of each seed (seeds,): of the actor, and of the entropy weight.
+        """Returns the losses (seeds,) of the actor and of the entropy weight.
 
         Args:
-            batch: what is learned from.
-            noise: of actions (seeds, n, action).
+            batch: The batch.
+            noise: Standard normal noise of actions (seeds, n, action).
         """
         action, density = self.actor.sample(batch.observation, noise)
         value = self._judged(self.critics(batch.observation, action))
@@ -222,7 +224,7 @@ class SAC:
         return actor, self.log_alpha.exp() * surplus
 
     def update(self, batch: Batch) -> dict[str, Tensor]:
-        """Learns from a batch; returns losses and entropy weights (seeds,) by name."""
+        """Makes one update from a batch; returns losses and entropy weights (seeds,) by name."""
         size = batch.action.shape[1:]
         if self.settings.lr_halving_period:
             self._halve()
@@ -234,7 +236,7 @@ class SAC:
             self.critics.requires_grad_(False)
             actor, alpha = self._actor_losses(batch, self._noise(*size))
             self._alpha_adam.zero_grad(set_to_none=True)
-            step(self._actor_adam, actor + alpha)  # Each has weights of its own.
+            step(self._actor_adam, actor + alpha)  # The losses share no weights.
             self._alpha_adam.step()
             self.critics.requires_grad_(True)
             result["actor_loss"] = actor.detach()
@@ -243,14 +245,14 @@ class SAC:
         return result
 
     def _halve(self) -> None:
-        """Sets the rates of this update."""
+        """Sets the learning rates of this update."""
         share = torch.exp2(-(self._done // self.settings.lr_halving_period).float())
         self._actor_adam.param_groups[0]["lr"].copy_(self.settings.actor_rate * share)
         self._critic_adam.param_groups[0]["lr"].copy_(self.settings.critic_rate * share)
         self._done += 1
 
     def _follow(self) -> None:
-        """Targets go on towards the critics."""
+        """Updates the target critics."""
         polyak_update(self.targets, self.critics, self.settings.tau)
 
     def policy(self, seed: int) -> nn.Module:
@@ -260,7 +262,7 @@ class SAC:
     # ------------------------------------------------------------------ state
 
     def get_state(self) -> dict[str, Any]:
-        """Returns all that `set_state` needs to go on with the same numbers."""
+        """Returns the state from which `set_state` continues exactly."""
         state = {
             "actor": self.actor.state_dict(),
             "critics": self.critics.state_dict(),
@@ -270,16 +272,16 @@ class SAC:
             "random": [source.get_state() for source in self.sources],
             "updates": self.updates,
         }
-        return copy.deepcopy(state)  # What is in them goes on changing.
+        return copy.deepcopy(state)  # Training changes the arrays in place.
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Goes on from what `get_state` returned."""
+        """Restores a state of `get_state`."""
         for name in ("actor", "critics", "targets"):
             getattr(self, name).load_state_dict(state[name])
         with torch.no_grad():
             self.log_alpha.copy_(state["log_alpha"])
         for optimizer, saved in zip(self._adams, state["adam"], strict=True):
-            rate = optimizer.param_groups[0]["lr"]  # Stays where it is.
+            rate = optimizer.param_groups[0]["lr"]  # CUDA graphs need the same tensor.
             optimizer.load_state_dict(copy.deepcopy(saved))
             optimizer.param_groups[0]["lr"] = rate
         for source, saved in zip(self.sources, state["random"], strict=True):
