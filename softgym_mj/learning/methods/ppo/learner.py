@@ -1,11 +1,10 @@
-"""Proximal policy optimization (Schulman et al., 2017), of several seeds at once.
+"""Proximal policy optimization (Schulman et al., 2017), for several seeds.
 
 Settings and networks are those of ManiSkill's baseline for a thousand environments
-(`examples/baselines/ppo/ppo.py`), which come from CleanRL. The losses are written here, as
-torchrl's `ClipPPOLoss` takes means over seeds; it is the tests' oracle. Two things differ. What was
-seen at the end of an episode is worth its value, so that only divergence ends a return. And a seed
-stops before the minibatch whose policy is too far away, as in Stable-Baselines3, not after its
-epoch.
+(`examples/baselines/ppo/ppo.py`), which is based on CleanRL. Losses are implemented here because
+torchrl's `ClipPPOLoss`, the tests' oracle, averages over seeds. There are two differences. Returns
+bootstrap at the horizon; only divergence ends them. A seed stops before the minibatch whose policy
+diverges too far, as in Stable-Baselines3, instead of after its epoch.
 """
 
 import copy
@@ -26,30 +25,30 @@ from softgym_mj.learning.networks import MLP, drawn, generators
 from softgym_mj.learning.replay import Replay
 from softgym_mj.validation import typed
 
-_LAST_GAIN = 0.01 * math.sqrt(2.0)  # Of the mean's last layer: actions are small at first.
-_LOG_STD = -0.5  # At first.
+_LAST_GAIN = 0.01 * math.sqrt(2.0)  # Initial gain of the last layer, for small actions.
+_LOG_STD = -0.5  # Initial log standard deviation.
 
 
 @typed
 @dataclasses.dataclass(frozen=True)
 class PPOSettings:
-    """How it learns.
+    """Settings of PPO.
 
     Attributes:
-        steps: vector steps of a rollout.
-        epochs: how often all of a rollout is learned from.
-        minibatches: of an epoch.
-        hidden: sizes of hidden layers, of both networks.
-        rate: of Adam.
-        discount: of rewards, in each env step.
-        trace: share of longer returns in advantages: the lambda of GAE.
-        clip: farthest ratio of densities from 1 that is rewarded.
-        value_weight, entropy_weight: of these losses beside the policy's.
-        largest_gradient: norm.
-        target_divergence: from the policy of the rollout, at which a seed stops learning from it.
+        steps: Vector steps of a rollout.
+        epochs: Epochs per rollout.
+        minibatches: Minibatches per epoch.
+        hidden: Sizes of the hidden layers of both networks.
+        rate: Learning rate of Adam.
+        discount: Discount per env step.
+        trace: Lambda of generalized advantage estimation.
+        clip: Clipping range of the probability ratio.
+        value_weight, entropy_weight: Weights of the value loss and of the entropy.
+        largest_gradient: Maximum gradient norm.
+        target_divergence: KL divergence from the rollout's policy at which a seed stops.
 
     Raises:
-        InvalidArgumentError: for numbers out of range.
+        InvalidArgumentError: for a value out of range.
     """
 
     steps: int = 16
@@ -77,7 +76,7 @@ class PPOSettings:
 
 
 class Gaussian(nn.Module):
-    """A policy whose mean is a function of an observation, and whose deviation is not."""
+    """Gaussian policy with a state-independent standard deviation."""
 
     def __init__(
         self,
@@ -94,21 +93,21 @@ class Gaussian(nn.Module):
         self.log_std = nn.Parameter(start)
 
     def forward(self, observation: Tensor) -> Tensor:
-        """Means (seeds, n, action) of observations (seeds, n, observation)."""
+        """Returns mean actions (seeds, n, action) for observations (seeds, n, observation)."""
         return self.body(observation)
 
     def log_density(self, observation: Tensor, action: Tensor) -> Tensor:
-        """Of actions (seeds, n, action): (seeds, n)."""
+        """Returns log densities (seeds, n) of actions (seeds, n, action)."""
         far = (action - self(observation)) / self.log_std.exp()
         return -(0.5 * far**2 + self.log_std + 0.5 * math.log(2.0 * math.pi)).sum(-1)
 
     def entropy(self) -> Tensor:
-        """Of each seed (seeds,)."""
+        """Returns the entropy (seeds,)."""
         return (self.log_std + 0.5 * math.log(2.0 * math.pi * math.e)).sum((1, 2))
 
 
 def _network(sources: Sequence[torch.Generator], sizes: Sequence[int]) -> MLP:
-    """Layers with tanh between them."""
+    """Returns a multilayer perceptron with tanh."""
     result = MLP(sources, sizes)
     for k, layer in enumerate(result):
         if isinstance(layer, nn.ReLU):
@@ -117,19 +116,19 @@ def _network(sources: Sequence[torch.Generator], sizes: Sequence[int]) -> MLP:
 
 
 class PPO:
-    """A `Learner`.
+    """PPO `Learner`.
 
     Attributes:
-        settings: how.
-        policies, values: the networks.
-        updates: minibatches, those in which a seed had stopped too.
+        settings: Settings of PPO.
+        policies, values: The networks.
+        updates: Number of minibatches, including those after a seed has stopped.
     """
 
     def __init__(self, settings: PPOSettings, problem: Problem):
-        """Draws the networks and makes room for a rollout.
+        """Draws the networks and allocates a rollout.
 
         Raises:
-            InvalidArgumentError: if minibatches do not share a rollout evenly.
+            InvalidArgumentError: if the rollout is not a multiple of the minibatches.
         """
         total = settings.steps * problem.num_envs
         if total % settings.minibatches or total == settings.minibatches:
@@ -148,8 +147,8 @@ class PPO:
         )  # fmt: skip
         lead = len(problem.seeds), total
         self._going = torch.ones(lead[0], dtype=torch.bool, device=problem.device)
-        self._drawn = torch.zeros(0)  # What `act` has drawn last.
-        # Made once: an epoch reads them where they lie.
+        self._drawn = torch.zeros(0)  # Last unclipped actions of `act`.
+        # Allocated once: the CUDA graph of an epoch reads fixed addresses.
         self._rollout = Rollout(
             *(torch.zeros(*lead, n, device=problem.device) for n in (size, problem.action)),
             *(torch.zeros(lead, device=problem.device) for _ in range(3)),
@@ -159,7 +158,7 @@ class PPO:
     def act(
         self, observation: Tensor, first: Tensor, memory: Any, *, explore: bool
     ) -> tuple[Tensor, Any]:
-        """See `Learner`. Actions are clipped; what was drawn waits for `learn`."""
+        """Returns clipped actions; `learn` uses the unclipped ones."""
         with torch.no_grad():
             action = self.policies(observation)
             if explore:
@@ -169,7 +168,7 @@ class PPO:
             return action.clamp(-1.0, 1.0), None
 
     def learn(self, step: Step) -> dict[str, Tensor]:
-        """See `Learner`: of actions that `act` has just chosen."""
+        """Adds a vector step of the last actions of `act`; updates after a full rollout."""
         self._steps.add(step._replace(action=self._drawn))
         self._seen += 1
         if self._seen % self.settings.steps:
@@ -181,7 +180,7 @@ class PPO:
         return {**result, "going": self._going.float()}
 
     def _prepare(self) -> None:
-        """Sets the rollout by what the networks say now, by which actions were drawn."""
+        """Computes advantages and targets of the rollout with the current networks."""
         steps, settings = self._steps.arrays, self.settings
         self._going.fill_(True)
         with torch.no_grad():
@@ -206,7 +205,7 @@ class PPO:
                 array.copy_(getattr(result, name).transpose(0, 1).flatten(1, 2))
 
     def _learn_all(self) -> dict[str, Tensor]:
-        """Returns an epoch."""
+        """Runs an epoch; returns the last losses."""
         total = self._rollout.advantage.shape[1]
         order = drawn(self._sources, total, normal=False).argsort(-1)
         seed = torch.arange(len(order), device=order.device)[:, None]
@@ -219,9 +218,9 @@ class PPO:
         return result
 
     def losses(self, part: Rollout) -> tuple[Tensor, dict[str, Tensor]]:
-        """Of each seed (seeds,): the sum, then by name what it is made of, and the divergence.
+        """Returns the loss (seeds,), and its terms and the KL divergence by name.
 
-        The divergence is Schulman's estimate of the old policy's from the new one:
+        The divergence of old and new policy is Schulman's estimate:
         joschu.net/blog/kl-approx.html.
         """
         settings, advantage = self.settings, part.advantage
@@ -246,7 +245,7 @@ class PPO:
     # ------------------------------------------------------------------ state
 
     def get_state(self) -> dict[str, Any]:
-        """Returns all that `set_state` needs to go on with the same numbers."""
+        """Returns the state from which `set_state` continues exactly."""
         state = {
             "policies": self.policies.state_dict(),
             "values": self.values.state_dict(),
@@ -256,10 +255,10 @@ class PPO:
             "seen": self._seen,
             "updates": self.updates,
         }
-        return copy.deepcopy(state)  # What is in them goes on changing.
+        return copy.deepcopy(state)  # Training changes the arrays in place.
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Goes on from what `get_state` returned."""
+        """Restores a state of `get_state`."""
         self.policies.load_state_dict(state["policies"])
         self.values.load_state_dict(state["values"])
         self._adam.set_state(state["adam"])
@@ -270,7 +269,7 @@ class PPO:
 
 
 class _Mean(nn.Module):
-    """The best action of one seed, of observations (n, k)."""
+    """Deterministic policy of one seed: maps observations (n, k) to mean actions."""
 
     def __init__(self, policies: Gaussian, seed: int):
         super().__init__()
@@ -283,4 +282,4 @@ class _Mean(nn.Module):
         return self.body(observation[None])[0].clamp(-1.0, 1.0)
 
 
-make = PPO  # The `Learner` of settings and a problem.
+make = PPO  # Creates the learner from settings and a problem.

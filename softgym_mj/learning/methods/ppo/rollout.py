@@ -1,4 +1,4 @@
-"""`Rollout`: what was done by one policy, and how much better than expected that was."""
+"""`Rollout`: steps of one policy, with advantages."""
 
 import dataclasses
 
@@ -16,15 +16,15 @@ def advantages(
     discount: float,
     trace: float,
 ) -> Tensor:
-    """Generalized advantage estimates (Schulman et al., 2016) of vector steps (steps, ...).
+    """Returns generalized advantage estimates (Schulman et al., 2016) of vector steps (steps, ...).
 
     Args:
-        reward, value, next_value: of each; the last one of the same episode, at its end too.
-        terminated: whether nothing follows.
-        ended: whether the next step is of another episode.
-        discount, trace: as of `PPOSettings`.
+        reward, value, next_value: Reward, value, and value of the next observation of the episode.
+        terminated: Whether the return ends.
+        ended: Whether the next step belongs to another episode.
+        discount, trace: Settings of `PPOSettings`.
     """
-    # Not by a factor of 0: what follows divergence may be no number.
+    # A factor of 0 would not suffice: values after a divergence may be NaN.
     error = reward + discount * torch.where(terminated, 0.0, next_value) - value
     result, last = torch.empty_like(error), torch.zeros_like(error[0])
     for k in reversed(range(len(error))):
@@ -35,13 +35,13 @@ def advantages(
 
 @dataclasses.dataclass(frozen=True)
 class Rollout:
-    """What is learned from, (seeds, n, ...) each.
+    """Training data of PPO, with arrays (seeds, n, ...).
 
     Attributes:
-        observation, action: what was seen, and drawn.
-        log_density: of the action, by the policy that drew it (seeds, n).
-        advantage: (seeds, n).
-        value_target: value (seeds, n).
+        observation, action: Observations and unclipped actions.
+        log_density: Log density of the action under the policy of the rollout (seeds, n).
+        advantage: Advantage (seeds, n).
+        value_target: Target of the value (seeds, n).
     """
 
     observation: Tensor

@@ -1,6 +1,6 @@
-"""`StoppingAdam`: Adam for several seeds, each of which may stop while others go on.
+"""`StoppingAdam`: Adam for several seeds that can stop separately.
 
-PyTorch's counts one number of steps for all of a weight, and moves what has no gradient.
+PyTorch's Adam has one step count per tensor and moves weights with zero gradient.
 """
 
 from collections.abc import Iterable, Mapping
@@ -10,19 +10,19 @@ import torch
 from torch import Tensor
 
 _BETAS = 0.9, 0.999  # Kingma and Ba, 2015.
-_EPSILON = 1e-5  # As PPO's have it; Huang et al., "The 37 implementation details of PPO", 2022.
+_EPSILON = 1e-5  # Huang et al., "The 37 implementation details of PPO", 2022.
 
 
 class StoppingAdam:
-    """Steps of weights (seeds, ...), whose gradients are scaled down to a largest norm."""
+    """Adam on weights (seeds, ...) with gradient clipping and separate step counts of seeds."""
 
     def __init__(self, weights: Iterable[Tensor], rate: float, largest: float):
-        """Takes weights.
+        """Sets the weights.
 
         Args:
-            weights: (seeds, ...) each.
-            rate: of learning.
-            largest: norm of all gradients of a seed.
+            weights: Weights (seeds, ...).
+            rate: Learning rate.
+            largest: Maximum norm of a seed's gradient.
         """
         self._weights, self._rate, self._largest = [*weights], rate, largest
         self._means = [torch.zeros_like(weight) for weight in self._weights]
@@ -31,18 +31,18 @@ class StoppingAdam:
         self._count = torch.zeros(len(first), device=first.device)
 
     def step(self, losses: Tensor, going: Tensor) -> None:
-        """Each seed's weights follow its own loss.
+        """Takes a step on the loss of each seed.
 
         Args:
-            losses: (seeds,).
-            going: whether a seed takes the step (seeds,); nothing of the others changes.
+            losses: Losses (seeds,).
+            going: Whether a seed takes the step (seeds,); others do not change.
         """
         gradients = torch.autograd.grad(losses.sum(), self._weights)
         with torch.no_grad():
             norm = sum(gradient.flatten(1).square().sum(1) for gradient in gradients).sqrt()
             share = (self._largest / (norm + 1e-6)).clamp(max=1.0)
             self._count += going
-            # Of seeds that have never gone, whose step is not taken.
+            # The clamp concerns seeds without any step so far.
             count = self._count.clamp(min=1.0)
             first, second = (1.0 - beta**count for beta in _BETAS)
             for weight, mean, square, gradient in zip(
@@ -60,7 +60,7 @@ class StoppingAdam:
                 weight.copy_(torch.where(goes, following, weight))
 
     def get_state(self) -> dict[str, Any]:
-        """Returns all that `set_state` needs to go on with the same numbers."""
+        """Returns the state from which `set_state` continues exactly."""
         return {
             "means": [mean.clone() for mean in self._means],
             "squares": [square.clone() for square in self._squares],
@@ -68,7 +68,7 @@ class StoppingAdam:
         }
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Goes on from what `get_state` returned."""
+        """Restores a state of `get_state`."""
         for own, saved in zip(
             [*self._means, *self._squares, self._count],
             [*state["means"], *state["squares"], state["count"]],

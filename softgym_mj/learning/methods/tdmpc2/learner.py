@@ -1,7 +1,7 @@
-"""TD-MPC2 (Hansen et al., 2024) on vectors: plans in the latent states of a learned model.
+"""TD-MPC2 (Hansen et al., 2024) on state vectors: planning in latent states of a learned model.
 
-With the settings and details of the published code for a single task; torchrl 0.14.1 has none. As
-there, the planner knows no end of an episode.
+Settings and details are those of the published code for a single task; torchrl 0.14.1 has no
+implementation. As there, plans ignore the end of an episode.
 """
 
 import copy
@@ -22,20 +22,20 @@ from softgym_mj.learning.networks import DeterministicPolicy, any_actions, drawn
 from softgym_mj.learning.optimization import adam, clip_grad_norm, polyak_update
 from softgym_mj.learning.replay import Replay
 
-# Of the published discount: it grows with a fifth of an episode, within bounds.
+# Published discount: its horizon is a fifth of an episode, within these bounds.
 _EPISODE_SHARE, _LEAST_DISCOUNT, _LARGEST_DISCOUNT = 5, 0.95, 0.995
-_POLICY_EPSILON = 1e-5  # Of the policy's Adam (published code).
+_POLICY_EPSILON = 1e-5  # Epsilon of the policy's Adam (published code).
 
 
 class TDMPC2:
-    """A `Learner`: world models that are trained side by side.
+    """TD-MPC2 `Learner`: world models and policy priors of several seeds.
 
     Attributes:
-        settings: how.
-        model: the networks.
-        scale: running spread (seeds,) of values, 1 or more.
-        replay: what it learns from.
-        updates: as of `Learner`.
+        settings: Settings of TD-MPC2.
+        model: The networks.
+        scale: Running spread of values (seeds,), at least 1.
+        replay: The replay buffer.
+        updates: Number of updates so far.
     """
 
     def __init__(
@@ -52,17 +52,17 @@ class TDMPC2:
         """Draws the networks.
 
         Args:
-            settings: how it learns.
-            seeds: of the random numbers, each of a training of its own.
-            num_envs: of each seed.
-            observation, action: sizes.
-            discount: of rewards, in each env step.
-            device: where.
+            settings: Settings of TD-MPC2.
+            seeds: Seeds of the trainings.
+            num_envs: Number of environments of each seed.
+            observation, action: Sizes of an observation and an action.
+            discount: Discount per env step.
+            device: PyTorch device.
         """
         check_count("replay", settings.replay, settings.horizon * num_envs)
         self.settings, self._seeds, self._num_envs = settings, seeds, num_envs
         self._action, self._discount = action, discount
-        # Of updates, of exploration, of evaluations.
+        # Random generators of updates, exploration and evaluations.
         self._sources, self._noise, self._trials = (generators(seeds, device) for _ in range(3))
         self.model = WorldModel(settings, self._sources, observation, action)
         self.scale = torch.ones(len(seeds), device=device)
@@ -76,14 +76,14 @@ class TDMPC2:
         self._model_adam = adam(rest.parameters(), settings.rate)
         self._policy_adam = adam(model.actor.parameters(), settings.rate, eps=_POLICY_EPSILON)
         self._again = CudaGraph(self._learn_once, [*self.replay.sources, *self._sources])
-        self.updates, self._seen = 0, 0  # The latter: env steps of each seed.
+        self.updates, self._seen = 0, 0  # `_seen`: env steps of each seed.
 
     # ------------------------------------------------------------------ acting
 
     def act(
         self, observation: Tensor, first: Tensor, memory: Any, *, explore: bool
     ) -> tuple[Tensor, Any]:
-        """See `Learner`; the memory is the planner's last mean (seeds, n, horizon, action)."""
+        """Returns actions; the memory is the planner's last mean (seeds, n, horizon, action)."""
         number, size = observation.shape[1], self._action
         if explore and self._seen < self.settings.random_steps:
             return any_actions(self._noise, number, size), None
@@ -95,7 +95,7 @@ class TDMPC2:
                 return self.model.sample(latent, drawn(self._noise, number, size))[0], None
             if memory is None:
                 memory = latent.new_zeros(*latent.shape[:2], self.settings.horizon, size)
-                # An evaluation changes nothing: it begins with the same random numbers.
+                # Every evaluation starts with the same random numbers.
                 for seed, source in zip(self._seeds, self._trials, strict=True):
                     source.manual_seed(seed)
             shifted = torch.cat([memory[:, :, 1:], torch.zeros_like(memory[:, :, :1])], dim=2)
@@ -121,7 +121,7 @@ class TDMPC2:
         return mppi(value, torch.stack(proposals, 3), mean, settings, sources, explore=explore)
 
     def _pairs(self, sources: Sequence[torch.Generator]) -> Tensor:
-        """Two different critics of each seed (seeds, 2)."""
+        """Returns the indices of two different critics of each seed (seeds, 2)."""
         return drawn(sources, self.settings.critics, normal=False).argsort(-1)[:, :2]
 
     # ------------------------------------------------------------------ learning
@@ -144,7 +144,7 @@ class TDMPC2:
         return self.update(self.replay.slices(self.settings.batch, self.settings.horizon))
 
     def update(self, step: Step) -> dict[str, Tensor]:
-        """Learns from stretches (seeds, n, horizon, ...); returns losses (seeds,) by name."""
+        """Makes one update from sequences (seeds, n, horizon, ...); returns losses (seeds,)."""
         settings, model = self.settings, self.model
         number, length = step.reward.shape[1:]
         result, latent = losses.model_losses(
@@ -153,7 +153,7 @@ class TDMPC2:
         weighted = [getattr(settings, name) * loss for name, loss in result.items()]
         self._follow([self._encoder_adam, self._model_adam], sum(weighted[1:], weighted[0]))
         counts = losses.counted(step.ended)
-        counts = torch.cat([counts[..., :1], counts], dim=-1)  # A state does if its step does.
+        counts = torch.cat([counts[..., :1], counts], dim=-1)  # A state counts if its step does.
         model.critics.requires_grad_(False)
         values, entropy = losses.policy_values(model, latent, *self._draws(number, length + 1))
         wide = losses.spread(values[:, :, 0].detach())
@@ -167,13 +167,13 @@ class TDMPC2:
         return {**summary, "policy_loss": loss.detach(), "scale": self.scale.clone()}
 
     def _draws(self, number: int, length: int) -> tuple[Tensor, Tensor, Tensor]:
-        """Noise of actions, two critics and dropout, of an update's states."""
+        """Returns noise of actions, indices of two critics and dropout masks of an update."""
         noise = drawn(self._sources, number, length, self._action)
         kept_mask = self.model.dropout(self._sources, number * length)
         return noise, self._pairs(self._sources), kept_mask
 
     def _follow(self, optimizers: Sequence[torch.optim.Adam], loss: Tensor) -> None:
-        """Each seed's weights follow its own loss (seeds,), by gradients of limited norm."""
+        """Takes an optimization step on the loss (seeds,), with gradient clipping."""
         for optimizer in optimizers:
             optimizer.zero_grad(set_to_none=True)
         loss.sum().backward()
@@ -183,7 +183,7 @@ class TDMPC2:
             optimizer.step()
 
     def policy(self, seed: int) -> nn.Module:
-        """Returns the policy prior, which acts where nothing is planned. See `Learner`."""
+        """Returns the policy prior of the seed at an index, which acts without planning."""
         if self.settings.plans != "never":
             valid = "'never': a planner remembers its last plan, of which no file can be made"
             raise InvalidArgumentError("plans", self.settings.plans, valid)
@@ -220,7 +220,7 @@ class TDMPC2:
 
 
 def discount_of(horizon: int) -> float:
-    """TD-MPC2's discount of rewards, by the env steps in an episode."""
+    """Returns TD-MPC2's discount for a number of env steps in an episode."""
     share = horizon / _EPISODE_SHARE
     return min(max((share - 1.0) / share, _LEAST_DISCOUNT), _LARGEST_DISCOUNT)
 

@@ -1,8 +1,8 @@
-"""TD-MPC2's losses (Hansen et al., 2024, 3.1), of several seeds at once: pure functions.
+"""Losses of TD-MPC2 (Hansen et al., 2024, 3.1), for several seeds, as pure functions.
 
-Stretches come from environments that step together: what lies beyond the end of an episode does
-not count. The entropy is that of the action after tanh, times the number of actions: the published
-code leaves tanh out of it or does not scale it, by its version.
+Steps of a sequence after the end of its episode are ignored. The entropy is that of the action
+after tanh, times the size of an action; depending on its version, the published code omits tanh or the
+factor.
 """
 
 import torch
@@ -12,7 +12,7 @@ from softgym_mj.learning.learner import Step
 from softgym_mj.learning.methods.tdmpc2.networks import WorldModel, two_of
 from softgym_mj.learning.methods.tdmpc2.two_hot import cross_entropy, expected
 
-_PERCENTILES = 0.05, 0.95  # Between them lies the spread of values.
+_PERCENTILES = 0.05, 0.95  # Percentiles whose difference is the spread of values.
 
 
 def model_losses(
@@ -25,25 +25,25 @@ def model_losses(
     discount: float,
     rho: float,
 ) -> tuple[dict[str, Tensor], Tensor]:
-    """Of the model.
+    """Returns the losses of the world model.
 
     Args:
-        model: networks.
-        step: stretches (seeds, n, horizon, ...).
-        noise: of next actions (seeds, n, horizon, action).
-        pair: two critics of each seed (seeds, 2).
-        kept_mask: dropout of the critics.
-        discount: of rewards.
-        rho: as of `shares`.
+        model: The networks.
+        step: Sequences (seeds, n, horizon, ...).
+        noise: Noise of next actions (seeds, n, horizon, action).
+        pair: Indices of two critics of each seed (seeds, 2).
+        kept_mask: Dropout mask of the critics.
+        discount: Discount per env step.
+        rho: Argument of `shares`.
 
     Returns:
-        Losses (seeds,) by name, and latent states (seeds, n, horizon + 1, latent) on the way.
+        Losses (seeds,) by name, and predicted latent states (seeds, n, horizon + 1, latent).
     """
     with torch.no_grad():
         following = model.encode(step.next_observation)
         action, _ = model.sample(following, noise)
         later = expected(two_of(model.values(following, action, target=True), pair)).amin(1)
-        # Of an episode that has come to its horizon the value goes on.
+        # Truncated episodes bootstrap from the value.
         target = step.reward + discount * (~step.terminated).float() * later
     states = [model.encode(step.observation[:, :, 0])]
     for action in step.action.unbind(2):
@@ -63,14 +63,14 @@ def model_losses(
 def policy_values(
     model: WorldModel, latent: Tensor, noise: Tensor, pair: Tensor, kept_mask: Tensor | None = None
 ) -> tuple[Tensor, Tensor]:
-    """What the policy's actions are worth, and its entropies times their size (seeds, n, length).
+    """Returns values and scaled entropies (seeds, n, length) of the policy's actions.
 
     Args:
-        model: networks.
-        latent: states (seeds, n, length, latent).
-        noise: of actions (seeds, n, length, action).
-        pair: two critics of each seed (seeds, 2).
-        kept_mask: dropout of the critics.
+        model: The networks.
+        latent: Latent states (seeds, n, length, latent).
+        noise: Noise of actions (seeds, n, length, action).
+        pair: Indices of two critics of each seed (seeds, 2).
+        kept_mask: Dropout mask of the critics.
     """
     action, density = model.sample(latent, noise)
     values = expected(two_of(model.values(latent, action, kept_mask), pair)).mean(1)
@@ -78,23 +78,23 @@ def policy_values(
 
 
 def counted(ended: Tensor) -> Tensor:
-    """1 up to the end of an episode and 0 beyond it, by where it is (..., length)."""
+    """Returns 1 up to the end of an episode and 0 after it (..., length)."""
     going = (~ended[..., :-1]).float().cumprod(-1)
     return torch.cat([torch.ones_like(ended[..., :1], dtype=going.dtype), going], dim=-1)
 
 
 def shares(counts: Tensor, rho: float) -> Tensor:
-    """Weights of losses (seeds, n, length): means of those that count, rho**t at step t."""
+    """Returns weights of losses (seeds, n, length): rho**t at step t, divided by the counts."""
     length = counts.shape[-1]
     later = rho ** torch.arange(length, device=counts.device)
     return counts / counts.sum(1, keepdim=True).clamp(min=1.0) * later / length
 
 
 def spread(values: Tensor) -> Tensor:
-    """From the 5th to the 95th percentile of (seeds, n): (seeds,)."""
+    """Returns the difference (seeds,) of the 95th and 5th percentile of values (seeds, n)."""
     ordered, last = values.sort(-1).values, values.shape[-1] - 1
     ends = []
-    for share in _PERCENTILES:  # Not by `quantile`, whose checks wait for a GPU.
+    for share in _PERCENTILES:  # `quantile` would synchronize with the GPU.
         low = int(share * last)
         high = min(low + 1, last)
         ends.append(ordered[:, low].lerp(ordered[:, high], share * last - low))

@@ -1,7 +1,7 @@
 """MPPI, model predictive path integral control, as TD-MPC2 plans (Hansen et al., 2024, 3.2).
 
-A Gaussian over action sequences is fitted again and again to the best of what was drawn from it and
-of what a policy proposes. It knows no model: it asks for the values of sequences.
+A Gaussian over action sequences is fitted iteratively to the best of its samples and a policy's
+proposals. The caller computes the values of sequences.
 """
 
 import dataclasses
@@ -18,19 +18,19 @@ from softgym_mj.validation import typed
 @typed
 @dataclasses.dataclass(frozen=True)
 class MPPISettings:
-    """How it plans; the defaults are TD-MPC2's.
+    """Settings of the planner; the defaults are TD-MPC2's.
 
     Attributes:
-        horizon: env steps of a plan.
-        iterations: of the fit.
-        samples: sequences in each, those of the policy among them.
-        proposals: of these, the policy's.
-        elites: sequences that the next distribution is fitted to.
-        temperature: factor to values in the elites' weights: the larger, the more the best counts.
-        std: least deviation, and that at first.
+        horizon: Planning horizon in env steps.
+        iterations: Number of fits.
+        samples: Sequences per iteration, including the policy's.
+        proposals: Number of the policy's sequences.
+        elites: Number of sequences that the next distribution is fitted to.
+        temperature: Factor of values in the elites' weights.
+        std: Minimum and initial standard deviation.
 
     Raises:
-        InvalidArgumentError: for numbers out of range.
+        InvalidArgumentError: for a value out of range.
     """
 
     horizon: int = 3
@@ -63,12 +63,12 @@ def mppi(
     """Plans for n states of each seed.
 
     Args:
-        value: returns (seeds, n, samples) of sequences (seeds, n, samples, horizon, action).
-        proposals: a policy's sequences (seeds, n, proposals, horizon, action).
-        mean: where it begins (seeds, n, horizon, action).
-        settings: how.
-        sources: of random numbers, one a seed.
-        explore: whether noise of the last deviation is added.
+        value: Maps sequences (seeds, n, samples, horizon, action) to values (seeds, n, samples).
+        proposals: The policy's sequences (seeds, n, proposals, horizon, action).
+        mean: Initial mean (seeds, n, horizon, action).
+        settings: Settings of the planner.
+        sources: Random generators, one per seed.
+        explore: Whether to add noise of the last standard deviation.
 
     Returns:
         The first actions (seeds, n, action) of an elite that is drawn by its weight, as published,
@@ -81,7 +81,7 @@ def mppi(
         sampled = (mean[:, :, None] + std[:, :, None] * noise).clamp(-1.0, 1.0)
         actions = torch.cat([proposals, sampled], dim=2)
         elites, weights, mean, std = fitted(actions, value(actions), settings)
-    # The largest of log weights with Gumbel's noise is a draw by the weights.
+    # The maximum of log weights with Gumbel noise is a sample by the weights.
     uniform = drawn(sources, *weights.shape[1:], normal=False).clamp(min=1e-20)
     chosen = (weights.log() - (-uniform.log()).log()).argmax(-1)
     action = elites[:, :, :, 0].gather(2, chosen[..., None, None].expand(-1, -1, 1, size))[:, :, 0]
@@ -96,9 +96,9 @@ def fitted(
     """Returns the next distribution.
 
     Args:
-        actions: sequences (seeds, n, samples, horizon, action).
-        values: of each (seeds, n, samples).
-        settings: of the planner.
+        actions: Sequences (seeds, n, samples, horizon, action).
+        values: Values of sequences (seeds, n, samples).
+        settings: Settings of the planner.
 
     Returns:
         The elites (seeds, n, elites, horizon, action), their weights (seeds, n, elites), and mean

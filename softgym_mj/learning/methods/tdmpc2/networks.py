@@ -1,7 +1,7 @@
-"""TD-MPC2's implicit world model (Hansen et al., 2024), of several seeds at once.
+"""TD-MPC2's implicit world model (Hansen et al., 2024), for several seeds.
 
-It predicts latent states, rewards and values, and decodes nothing. The seeds' dimension and that of
-the ensemble are one in the critics' arrays, so that one product of matrices serves all.
+It predicts latent states, rewards and values, without a decoder. Seeds and critics share a
+dimension of the critics' arrays, so that one matrix product computes all.
 """
 
 import copy
@@ -17,26 +17,26 @@ from softgym_mj.learning.methods.tdmpc2.two_hot import expected
 from softgym_mj.learning.networks import Actor, LayerNorm, Linear, drawn
 from softgym_mj.validation import typed
 
-_WEIGHT_STD = 0.02  # Of all weights at first (published code).
+_WEIGHT_STD = 0.02  # Initial standard deviation of weights (published code).
 
 
 @typed
 @dataclasses.dataclass(frozen=True)
 class WorldModelSettings:
-    """Sizes; the defaults are those of the published model of 5 million parameters.
+    """Sizes of the world model; the defaults are the published model of 5 million parameters.
 
     Attributes:
-        latent: size of a latent state.
-        simplex: numbers of a latent state that are 0 or more and add up to 1.
-        encoder: size of the encoder's hidden layer.
-        hidden: sizes of hidden layers, of all else.
-        critics: of the ensemble.
-        bins: of rewards and values: `two_hot`.
-        dropout: share of a critic's first hidden layer that is left out of an update.
-        log_std: least and largest of the policy's deviation.
+        latent: Size of a latent state.
+        simplex: Size of a softmax group of a latent state.
+        encoder: Size of the encoder's hidden layer.
+        hidden: Sizes of the hidden layers of all other networks.
+        critics: Number of critics.
+        bins: Number of bins of rewards and values (`two_hot`).
+        dropout: Dropout rate of a critic's first hidden layer.
+        log_std: Bounds of the policy's log standard deviation.
 
     Raises:
-        InvalidArgumentError: for numbers out of range.
+        InvalidArgumentError: for a value out of range.
     """
 
     latent: int = 512
@@ -63,7 +63,7 @@ class WorldModelSettings:
 
 
 class NormedMLP(nn.Module):
-    """Layers that are normalized before Mish; the output may be latent states."""
+    """Multilayer perceptron with LayerNorm and Mish; the output may be latent states."""
 
     def __init__(
         self, sources: Sequence[torch.Generator], sizes: Sequence[int], simplex: int | None = None
@@ -71,9 +71,9 @@ class NormedMLP(nn.Module):
         """Draws the weights.
 
         Args:
-            sources: of random numbers, one a network.
-            sizes: of the input, of hidden layers and of the output.
-            simplex: of latent states; None for a linear output.
+            sources: Random generators, one per network.
+            sizes: Sizes of the input, of hidden layers and of the output.
+            simplex: Size of the softmax groups of latent states; None for a linear output.
         """
         super().__init__()
         layers = [Linear(sources, *pair) for pair in itertools.pairwise(sizes)]
@@ -85,11 +85,11 @@ class NormedMLP(nn.Module):
         self._simplex = simplex
 
     def forward(self, x: Tensor, kept_mask: Tensor | None = None) -> Tensor:
-        """Of (networks, n, inputs): (networks, n, outputs).
+        """Maps inputs (networks, n, inputs) to outputs (networks, n, outputs).
 
         Args:
-            x: inputs.
-            kept_mask: factors to the first layer (networks, n, its size): dropout.
+            x: The inputs.
+            kept_mask: Dropout factors of the first layer (networks, n, size).
         """
         last = len(self.layers) - 1
         for k, layer in enumerate(self.layers):
@@ -104,18 +104,18 @@ class NormedMLP(nn.Module):
 
 
 def simplicial(x: Tensor, size: int) -> Tensor:
-    """Each `size` numbers of the last dimension by softmax: SimNorm."""
+    """Applies softmax to groups of `size` entries of the last dimension (SimNorm)."""
     return x.unflatten(-1, (-1, size)).softmax(-1).flatten(-2)
 
 
 class WorldModel(nn.Module):
-    """Networks of all seeds: what they take is (seeds, ..., size).
+    """World model of all seeds, with inputs (seeds, ..., size).
 
     Attributes:
-        settings: sizes.
-        encoder, dynamics, reward, critics: networks.
-        targets: of the critics, which follow them.
-        actor: the policy prior.
+        settings: Sizes of the networks.
+        encoder, dynamics, reward, critics: The networks.
+        targets: Target critics.
+        actor: The policy prior.
     """
 
     def __init__(
@@ -136,20 +136,20 @@ class WorldModel(nn.Module):
         self.critics = NormedMLP(each, [both, *hidden, bins])
         self.actor = Actor(sources, latent, action, (), own.log_std)
         self.actor.body = NormedMLP(sources, [latent, *hidden, 2 * action])
-        for network in (self.reward, self.critics):  # Nothing is worth anything at first.
+        for network in (self.reward, self.critics):  # Initial rewards and values are 0.
             nn.init.zeros_(network.layers[-1].weight)
         self.targets = copy.deepcopy(self.critics).requires_grad_(False)
 
     def encode(self, observation: Tensor) -> Tensor:
-        """Latent states (seeds, ..., latent) of observations."""
+        """Returns latent states (seeds, ..., latent) of observations."""
         return _each(self.encoder, observation)
 
     def following(self, latent: Tensor, action: Tensor) -> Tensor:
-        """Latent states after actions (seeds, ..., action)."""
+        """Returns latent states after actions (seeds, ..., action)."""
         return _each(self.dynamics, torch.cat([latent, action], dim=-1))
 
     def rewards(self, latent: Tensor, action: Tensor) -> Tensor:
-        """Logits (seeds, ..., bins) of rewards of actions."""
+        """Returns logits (seeds, ..., bins) of rewards of actions."""
         return _each(self.reward, torch.cat([latent, action], dim=-1))
 
     def values(
@@ -160,13 +160,13 @@ class WorldModel(nn.Module):
         *,
         target: bool = False,
     ) -> Tensor:
-        """Logits (seeds, critics, ..., bins) of returns of actions.
+        """Returns logits (seeds, critics, ..., bins) of returns of actions.
 
         Args:
-            latent: states.
-            action: in them.
-            kept_mask: by `dropout`, if any is left out.
-            target: whether the targets are asked.
+            latent: Latent states.
+            action: Actions.
+            kept_mask: Value of `dropout`; None for no dropout.
+            target: Whether to use the target critics.
         """
         number, (seeds, *middle) = self.settings.critics, latent.shape[:-1]
         both = torch.cat([latent, action], dim=-1).flatten(1, -2)
@@ -182,7 +182,7 @@ class WorldModel(nn.Module):
         return action.unflatten(1, middle), density.unflatten(1, middle)
 
     def dropout(self, sources: Sequence[torch.Generator], number: int) -> Tensor:
-        """Factors for `values` of so many states: 0 for what is left out."""
+        """Returns dropout factors for `values` of a number of states."""
         share, sizes = self.settings.dropout, (self.settings.critics, number)
         numbers = drawn(sources, *sizes, self.settings.hidden[0], normal=False)
         return (numbers >= share).flatten(0, 1) / (1.0 - share)
@@ -193,22 +193,22 @@ def _each(network: nn.Module, x: Tensor) -> Tensor:
 
 
 def two_of(logits: Tensor, pair: Tensor) -> Tensor:
-    """Returns those of two critics (seeds, 2, ...), by their numbers (seeds, 2)."""
+    """Returns the logits of two critics (seeds, 2, ...), by their indices (seeds, 2)."""
     return logits[torch.arange(len(pair), device=pair.device)[:, None], pair]
 
 
 def imagined(
     model: WorldModel, latent: Tensor, actions: Tensor, noise: Tensor, pair: Tensor, discount: float
 ) -> Tensor:
-    """Returns (seeds, ...) of actions, by a model: the policy goes on after them.
+    """Predicts returns (seeds, ...) of action sequences, which the policy continues.
 
     Args:
-        model: networks.
-        latent: states (seeds, ..., latent).
-        actions: in them and in what follows (seeds, ..., horizon, action).
-        noise: of the last action (seeds, ..., action).
-        pair: two critics of each seed (seeds, 2), whose mean counts.
-        discount: of rewards.
+        model: The networks.
+        latent: Initial latent states (seeds, ..., latent).
+        actions: Action sequences (seeds, ..., horizon, action).
+        noise: Noise of the policy's action at the end (seeds, ..., action).
+        pair: Indices of two critics of each seed (seeds, 2), which are averaged.
+        discount: Discount per env step.
     """
     result, factor = torch.zeros_like(noise[..., 0]), 1.0
     for action in actions.unbind(-2):
@@ -220,7 +220,7 @@ def imagined(
 
 
 class Prior(nn.Module):
-    """What of a model the policy prior needs."""
+    """Encoder and policy prior of a model."""
 
     def __init__(self, model: WorldModel):
         super().__init__()

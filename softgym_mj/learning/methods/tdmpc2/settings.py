@@ -1,4 +1,4 @@
-"""`TDMPC2Settings`: how TD-MPC2 learns and plans."""
+"""`TDMPC2Settings`: settings of TD-MPC2."""
 
 import dataclasses
 
@@ -13,25 +13,25 @@ PLANS = ("always", "evaluation", "never")
 @typed
 @dataclasses.dataclass(frozen=True)
 class TDMPC2Settings(WorldModelSettings, MPPISettings):
-    """How it learns; the defaults are the published ones. See also `MPPISettings`.
+    """Settings of TD-MPC2, besides sizes and planner; the defaults are the published ones.
 
     Attributes:
-        plans: when it acts by its planner, one of `PLANS`; else by the policy prior.
-        random_steps: env steps of each seed that are random, before it learns.
-        pretraining: updates before all others.
-        updates: for each step of all environments.
-        batch: stretches of an update, of each seed.
-        replay: env steps of each seed that are kept.
-        rate: of Adam.
-        encoder_rate: of Adam, of the encoder.
-        largest_gradient: norm to which gradients are cut, of each seed.
-        tau: share of the critics in their targets, at each update.
-        rho: factor to losses, by each env step into the future.
-        consistency, reward, value: weights of the model's losses.
-        entropy: weight of the policy's entropy.
+        plans: When actions are planned, one of `PLANS`; otherwise the policy prior acts.
+        random_steps: Env steps of each seed with random actions before learning starts.
+        pretraining: Number of updates before all others.
+        updates: Updates per vector step.
+        batch: Sequences of each seed in an update.
+        replay: Capacity of the replay buffer in env steps of each seed.
+        rate: Learning rate of Adam.
+        encoder_rate: Learning rate of the encoder.
+        largest_gradient: Maximum gradient norm of a seed.
+        tau: Polyak coefficient of target critics.
+        rho: Decay of losses per env step of a sequence.
+        consistency, reward, value: Weights of the model's losses.
+        entropy: Weight of the policy's entropy.
 
     Raises:
-        InvalidArgumentError: for numbers out of range.
+        InvalidArgumentError: for a value out of range.
     """
 
     plans: str = "always"

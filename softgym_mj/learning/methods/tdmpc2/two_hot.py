@@ -1,7 +1,7 @@
-"""Discrete regression: a number as shares of the two bins beside it, after a symmetric logarithm.
+"""Discrete regression with two-hot targets after a symmetric logarithm.
 
-As in DreamerV3 (Hafner et al., 2023) and TD-MPC2 (Hansen et al., 2024): numbers of any size are
-learned alike, by cross entropies.
+As in DreamerV3 (Hafner et al., 2023) and TD-MPC2 (Hansen et al., 2024), a cross entropy makes the
+loss independent of the scale of the numbers.
 """
 
 import torch
@@ -11,7 +11,7 @@ LOW, HIGH = -10.0, 10.0  # Centers of the outer bins (TD-MPC2): numbers up to 22
 
 
 def symlog(x: Tensor) -> Tensor:
-    """sign(x) log(1 + |x|)."""
+    """Returns sign(x) log(1 + |x|)."""
     return x.sign() * x.abs().log1p()
 
 
@@ -28,11 +28,11 @@ def two_hot(x: Tensor, bins: int) -> Tensor:
 
 
 def expected(logits: Tensor) -> Tensor:
-    """Returns numbers (...) of which logits (..., bins) tell the shares."""
+    """Returns the expected numbers (...) of logits (..., bins)."""
     centres = torch.linspace(LOW, HIGH, logits.shape[-1], device=logits.device)
     return symexp((logits.softmax(-1) * centres).sum(-1))
 
 
 def cross_entropy(logits: Tensor, target: Tensor) -> Tensor:
-    """Of logits (..., bins) and the numbers that are wanted: (...)."""
+    """Returns the cross entropy (...) of logits (..., bins) and target numbers (...)."""
     return -(two_hot(target, logits.shape[-1]) * logits.log_softmax(-1)).sum(-1)

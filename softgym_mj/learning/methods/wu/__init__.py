@@ -1,1 +1,1 @@
-"""Wu et al.: pick and place by pixels."""
+"""Pick-and-place by pixels (Wu et al., 2020)."""

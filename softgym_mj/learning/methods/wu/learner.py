@@ -1,12 +1,12 @@
-"""Wu et al.'s pick and place (RSS 2020), of several seeds at once: soft actor-critic of places.
+"""Pick-and-place of Wu et al. (RSS 2020) for several seeds: soft actor-critic of place points.
 
-What is picked is any cloth pixel while it learns; a policy says where to put it. The best action is
-found among all cloth pixels, by what critics expect. For the actor "pixel_pick_and_place".
+During training, pick points are random cloth pixels and a policy predicts the place point. The best
+action maximizes the critics' value over all cloth pixels. The actor is "pixel_pick_and_place".
 
-Sources of numbers: [S] is softagent's `rlpyt_cloth`: `configs/dm_control/qpg/sac/softgym_sac.py`,
-`algos/qpg/sac_v2.py`, `agents/qpg/sac_agent_v2.py`, `models/conv2d.py`. Where it goes another way:
-its critics judge mean places before tanh, ours what is done; the actor follows critics that have
-already made their step; random places are uniform; weights are orthogonal at first.
+Numbers marked [S] are from softagent's `rlpyt_cloth`: `configs/dm_control/qpg/sac/softgym_sac.py`,
+`algos/qpg/sac_v2.py`, `agents/qpg/sac_agent_v2.py`, `models/conv2d.py`. Differences: critics rate
+executed places (there: means before tanh), the actor is updated after the critics, random places
+are uniform, and initial weights are orthogonal.
 """
 
 import dataclasses
@@ -27,23 +27,23 @@ from softgym_mj.learning.off_policy import OffPolicy
 from softgym_mj.learning.replay import Batch
 from softgym_mj.validation import typed
 
-_PLACE = 3  # Numbers of a place.
-_LEAST = 8  # Pixels of an image.
-_AT_ONCE = 16  # Images of each seed whose cloth pixels are judged together: a gigabyte at most.
+_PLACE = 3  # Size of a place point.
+_LEAST = 8  # Minimum side of an image [pixels].
+_AT_ONCE = 16  # Images of each seed whose cloth pixels are rated together, in at most 1 GB.
 
 
 @typed
 @dataclasses.dataclass(frozen=True)
 class WuSettings(SACSettings):
-    """How it learns; the defaults are the paper's.
+    """Settings of the method; the defaults are the paper's.
 
     Attributes:
-        channels: of each convolution.
-        best_share: of cloth pixels: the best action is drawn from these, the highest in value.
-        bfloat16: whether convolutions calculate in bfloat16, with weights of 32 bits.
+        channels: Channels of each convolution.
+        best_share: Share of cloth pixels of highest value from which the action is drawn.
+        bfloat16: Whether convolutions compute in bfloat16 with 32-bit weights.
 
     Raises:
-        InvalidArgumentError: for numbers out of range.
+        InvalidArgumentError: for a value out of range.
     """
 
     random_steps: int = 10_000
@@ -74,7 +74,7 @@ class WuSettings(SACSettings):
 
 
 class PickAndPlace(SAC):
-    """Actors and critics of places, for pick points that are drawn."""
+    """Soft actor-critic of place points, for random pick points."""
 
     settings: WuSettings
 
@@ -88,10 +88,10 @@ class PickAndPlace(SAC):
         """Draws the networks.
 
         Args:
-            settings: how it learns.
-            seeds: of the random numbers, each of a training of its own.
-            size: height and width of images.
-            device: where.
+            settings: Settings of the method.
+            seeds: Seeds of the trainings.
+            size: Height and width of images.
+            device: PyTorch device.
         """
         self._size, self._centers = size, pixel_centers(*size, device)
         super().__init__(settings, seeds, 0, _PLACE, device)
@@ -105,7 +105,7 @@ class PickAndPlace(SAC):
         return actor, Judging(pair)
 
     def draw_pick(self, images: Tensor) -> Tensor:
-        """Centers (seeds, n, 2) of cloth pixels, each with the same chance."""
+        """Returns centers (seeds, n, 2) of cloth pixels, drawn uniformly."""
         mask = _candidates(images)
         rank = _below(mask.sum(-1), drawn(self.sources, mask.shape[1], normal=False))
         return self._centers[(mask.cumsum(-1) <= rank[..., None]).sum(-1)]
@@ -120,11 +120,11 @@ class PickAndPlace(SAC):
             return torch.cat([pick, self.actor.sample(seen(observation, pick), noise)[0]], -1)
 
     def best(self, images: Tensor, sources: Sequence[torch.Generator]) -> Tensor:
-        """Returns actions (seeds, n, 5): the mean place of a cloth pixel that is among the best.
+        """Returns actions (seeds, n, 5): one of the best cloth pixels, with its mean place.
 
         Args:
-            images: (seeds, n, height, width, 3).
-            sources: of the random numbers by which one of the best is taken.
+            images: Images (seeds, n, height, width, 3).
+            sources: Random generators of the choice.
         """
         with torch.no_grad():
             shares = drawn(sources, images.shape[1], normal=False)
@@ -135,7 +135,7 @@ class PickAndPlace(SAC):
         """Returns actions (seeds, n, 5) of some images (seeds, n, height, width, 3)."""
         mask, lead = _candidates(images), images.shape[:2]
         count = mask.sum(-1)
-        # Cloth pixels first, as many as the image with the most of them has.
+        # Cloth pixels come first; the number is the maximum over images.
         order = mask.byte().argsort(dim=-1, descending=True, stable=True)[..., : int(count.max())]
         pick = self._centers[order]  # (seeds, n, pixels, 2).
         flat, pixels = pick.flatten(1, 2), order.shape[-1]
@@ -156,7 +156,7 @@ class PickAndPlace(SAC):
     # ------------------------------------------------------------------ losses
 
     def update(self, batch: Batch) -> dict[str, Tensor]:
-        """Learns from a batch of images; returns losses and entropy weights (seeds,) by name."""
+        """Makes one update from images; returns losses and entropy weights (seeds,) by name."""
         pick, place = batch.action.split([PICK, _PLACE], -1)
         following = self.draw_pick(batch.next_observation)
         return super().update(
@@ -169,11 +169,11 @@ class PickAndPlace(SAC):
         )
 
     def critic_loss(self, batch: Batch, noise: Tensor) -> Tensor:
-        """As of `SAC`, halved [S]; observations are what is `seen`, actions places."""
+        """Returns half of SAC's critic loss (seeds,) [S], of `seen` arrays and place points."""
         return 0.5 * super().critic_loss(batch, noise)
 
     def actor_losses(self, batch: Batch, noise: Tensor) -> tuple[Tensor, Tensor]:
-        """As of `SAC`, but the entropy weight's is of its logarithm [S]."""
+        """Returns losses of the actor and of the logarithm of the entropy weight (seeds,) [S]."""
         actor, alpha = super().actor_losses(batch, noise)
         return actor, self.log_alpha * (alpha.detach() / self.alpha)
 
@@ -184,25 +184,25 @@ class PickAndPlace(SAC):
 
 
 def _candidates(images: Tensor) -> Tensor:
-    """Which pixels (seeds, n, height * width) may be picked: cloth, or all where there is none."""
+    """Returns which pixels (seeds, n, height * width) may be picked: cloth, or all if none is."""
     mask = cloth_pixels(images).flatten(2)
     return mask | ~mask.any(-1, keepdim=True)
 
 
 def _below(numbers: Tensor, shares: Tensor) -> Tensor:
-    """Whole numbers from 0 to below others, of shares in 0..1."""
+    """Converts shares in 0..1 to integers in 0..numbers - 1."""
     return (shares * numbers).long().minimum(numbers - 1)
 
 
 class Picking(OffPolicy):
-    """The `Learner`: what it does at random begins at cloth, too."""
+    """Off-policy learner whose random actions also pick cloth pixels."""
 
     algorithm: PickAndPlace
 
     def act(
         self, observation: Tensor, first: Tensor, memory: Any, *, explore: bool
     ) -> tuple[Tensor, Any]:
-        """See `Learner`. An evaluation has random numbers of its own, in `memory`."""
+        """Returns actions; evaluations have random generators of their own, in `memory`."""
         if not explore:
             memory = memory or generators(self._problem.seeds, self._problem.device)
             return self.algorithm.best(observation, memory), memory

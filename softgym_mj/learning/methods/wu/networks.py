@@ -1,7 +1,7 @@
-"""Networks of Wu et al.'s pick and place: they see an image and the point that is picked.
+"""Networks of an image and a pick point (Wu et al.), for several seeds.
 
-Of several seeds at once. Source of numbers: [S] is softagent's `rlpyt_cloth`: `models/conv2d.py`,
-`models/qpg/conv2d.py`, `agents/qpg/sac_agent_v2.py`.
+Numbers marked [S] are from softagent's `rlpyt_cloth`: `models/conv2d.py`, `models/qpg/conv2d.py`,
+`agents/qpg/sac_agent_v2.py`.
 """
 
 import math
@@ -12,16 +12,16 @@ from torch import Tensor, nn
 
 from softgym_mj.learning.networks import MLP, Actor, LayerNorm, Linear
 
-PICK = 2  # Numbers of a pick point.
-_TILES = 50  # How often networks are told the pick point, beside many numbers of an image [S].
+PICK = 2  # Size of a pick point.
+_TILES = 50  # Repetitions of the pick point in the input, next to the features of the image [S].
 _STRIDE = 2  # [S]
 
 
 class Convolutions(nn.Module):
-    """Convolutions of all seeds, each with LayerNorm and LeakyReLU behind it.
+    """Convolutions of each seed, with LayerNorm and LeakyReLU.
 
     Attributes:
-        outputs: numbers for an image.
+        outputs: Number of outputs for an image.
     """
 
     def __init__(
@@ -34,10 +34,10 @@ class Convolutions(nn.Module):
         """Draws the weights.
 
         Args:
-            sources: of random numbers, one a seed.
-            channels: of each.
-            size: height and width of images.
-            kind: in which they calculate; weights and outputs are float32.
+            sources: Random generators, one per seed.
+            channels: Channels of each convolution.
+            size: Height and width of images.
+            kind: Data type of the computation; weights and outputs are float32.
         """
         super().__init__()
         self._kind = kind
@@ -53,10 +53,10 @@ class Convolutions(nn.Module):
             self.norms.append(LayerNorm(len(sources), self.outputs, sources[0].device))
 
     def forward(self, images: Tensor) -> Tensor:
-        """Of numbers 0..255 (seeds, n, height, width, 3): (seeds, n, outputs)."""
+        """Maps images 0..255 (seeds, n, height, width, 3) to outputs (seeds, n, outputs)."""
         x = (images.float() * (2.0 / 255.0) - 1.0).permute(0, 1, 4, 2, 3)
         for weights, biases, norm in zip(self.weights, self.biases, self.norms, strict=True):
-            # Seed by seed: as groups of one convolution they take longer.
+            # Separate convolutions of seeds are faster than one grouped convolution.
             each = [
                 nn.functional.conv2d(*(a.to(self._kind) for a in own), _STRIDE, padding=1)
                 for own in zip(x, weights, biases, strict=True)
@@ -67,12 +67,12 @@ class Convolutions(nn.Module):
 
 
 class Looking(nn.Module):
-    """Layers that see an image and the pick point, and perhaps a place.
+    """Network of an image, a pick point and, for critics, a place point.
 
-    What they see is an array (seeds, n, height * width * 3 + 2): see `seen`.
+    The input is an array (seeds, n, height * width * 3 + 2) of `seen`.
 
     Attributes:
-        convolutions: what sees images.
+        convolutions: The convolutions.
     """
 
     def __init__(
@@ -97,12 +97,12 @@ class Looking(nn.Module):
                 self.head[k] = nn.LeakyReLU()
 
     def forward(self, both: Tensor, *place: Tensor) -> Tensor:
-        """Of what is `seen`, and places (seeds, n, 3): (seeds, n, outputs)."""
+        """Maps `seen` arrays and place points (seeds, n, 3) to outputs (seeds, n, outputs)."""
         images = both[..., :-PICK].unflatten(-1, (*self._size, 3))
         return self.judge(self.convolutions(images), both[..., -PICK:], *place)
 
     def judge(self, features: Tensor, pick: Tensor, *place: Tensor) -> Tensor:
-        """Returns the same of what the convolutions have found."""
+        """Returns outputs (seeds, n, outputs) of features of the convolutions."""
         return self.head(torch.cat([features, pick.repeat(1, 1, _TILES), *place], -1))
 
 
@@ -112,7 +112,7 @@ def seen(images: Tensor, pick: Tensor) -> Tensor:
 
 
 class Placing(Actor):
-    """Where to put what is picked; log deviations are cut off."""
+    """Actor of place points, with clamped log standard deviations."""
 
     body: Looking
 
@@ -121,18 +121,18 @@ class Placing(Actor):
         self.body, (self.low, self.high) = body, log_std
 
     def forward(self, observation: Tensor) -> tuple[Tensor, Tensor]:
-        """Returns mean and log deviation (seeds, n, 3) before tanh, of what is `seen`."""
+        """Returns mean and log standard deviation (seeds, n, 3) before tanh, of `seen` arrays."""
         mean, log_std = self.body(observation).chunk(2, dim=-1)
         return mean, log_std.clamp(self.low, self.high)
 
 
 class Judging(nn.Module):
-    """Two estimates of the return of a place."""
+    """Two critics of place points."""
 
     def __init__(self, pair: Sequence[Looking]):
         super().__init__()
         self.pair = nn.ModuleList(pair)
 
     def forward(self, observation: Tensor, action: Tensor) -> Tensor:
-        """Of what is `seen` and places (seeds, n, 3): (2, seeds, n)."""
+        """Returns values (2, seeds, n) of `seen` arrays and place points (seeds, n, 3)."""
         return torch.stack([critic(observation, action)[..., 0] for critic in self.pair])
