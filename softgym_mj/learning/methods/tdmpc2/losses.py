@@ -1,8 +1,8 @@
 """Losses of TD-MPC2 (Hansen et al., 2024, 3.1), for several seeds, as pure functions.
 
 Steps of a sequence after the end of its episode are ignored. The entropy is that of the action
-after tanh, times the size of an action; depending on its version, the published code omits tanh or the
-factor.
+after tanh, times the size of an action; depending on its version, the published code omits tanh or
+the factor.
 """
 
 import torch
