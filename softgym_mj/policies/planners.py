@@ -200,8 +200,8 @@ def make_planner(name: str, task: str, horizon: int | None = None, **settings) -
     return PLANNERS[name](usual_horizon(task) if horizon is None else horizon, **settings)
 
 
-def coloured_noise(shape: tuple[int, ...], random: np.random.Generator) -> np.ndarray:
-    """Returns normal noise (n, horizon, size) of unit variance with power spectrum 1 / f^COLOUR.
+def colored_noise(shape: tuple[int, ...], random: np.random.Generator) -> np.ndarray:
+    """Returns normal noise (n, horizon, size) of unit variance with power spectrum 1 / f^COLOR.
 
     The method is that of Timmer and Koenig (1995): each frequency has a normal complex amplitude.
     """
@@ -210,7 +210,7 @@ def coloured_noise(shape: tuple[int, ...], random: np.random.Generator) -> np.nd
         return random.standard_normal(shape)
     frequencies = np.fft.rfftfreq(horizon)
     frequencies[0] = frequencies[1]  # The mean has the amplitude of the lowest frequency.
-    scale = frequencies ** (-COLOUR / 2)
+    scale = frequencies ** (-COLOR / 2)
     real = random.standard_normal((number, size, len(frequencies))) * scale
     imaginary = random.standard_normal((number, size, len(frequencies))) * scale
     imaginary[..., 0] = 0.0

@@ -27,7 +27,7 @@ CODECS = ("libsvtav1", "h264", "hevc", "auto")  # Codecs of LeRobot, its default
 # Observations that are states, and LeRobot's features for them, in order.
 _STATES = ("proprioception", "reduced", "markov", "full")
 _PLACES = ("observation.state", "observation.environment_state")
-_PICTURE = 3  # Dimensions of what one camera sees in colours.
+_PICTURE = 3  # Dimensions of what one camera sees in colors.
 _LARGEST = 1000  # Largest denominator; rates of env steps are 100 divided by integers.
 
 

@@ -84,7 +84,7 @@ def cropped(pictures: Tensor, size: tuple[int, int], shares: Tensor, pad: int = 
     return pictures[*which, rows[..., :, None], columns[..., None, :]]
 
 
-def centre(pictures: Tensor, size: tuple[int, int]) -> Tensor:
+def center(pictures: Tensor, size: tuple[int, int]) -> Tensor:
     """Returns the center crop (..., *size, 3) of images (..., height, width, 3)."""
     (height, width), (rows, columns) = pictures.shape[-3:-1], size
     top, left = (height - rows) // 2, (width - columns) // 2
@@ -133,7 +133,7 @@ class Convolutions(nn.Module):
 
     def forward(self, pictures: Tensor) -> Tensor:
         """Maps images (seeds, n, height, width, 3) uint8 to outputs (seeds, n, outputs)."""
-        seen = centre(pictures, self._size)
+        seen = center(pictures, self._size)
         return torch.stack([self._single(own, k) for k, own in enumerate(seen)])
 
     def _single(self, seen: Tensor, seed: int) -> Tensor:

@@ -13,7 +13,7 @@ from softgym_mj.policies.experts.picker_expert import ARRIVED, OPEN, PASSED, SLO
 ARM_REACH = 0.018  # [m] Grasp distance of hands; farther away, other vertices of a pile are nearer.
 LAYER = 0.01  # [m] Height of a cloth layer.
 STANDOFF = 0.06  # [m] Further distance at which an approach starts.
-TRAVEL_HEIGHT = 0.25  # [m] Height of the picker centres between places, above every pile.
+TRAVEL_HEIGHT = 0.25  # [m] Height of the picker centers between places, above every pile.
 NEAR_GOAL = 2  # Grid steps from a target vertex within which a grasp counts as one of it.
 OVERSHOOT = 0.02  # [m] Distance that a vertex is pulled beyond its place; cloth springs back.
 MISPLACED = 0.04  # [m] Distance from its place from which a vertex is worth a move.

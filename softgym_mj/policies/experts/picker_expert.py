@@ -80,8 +80,8 @@ class PickerExpert(Expert):
 
     def _can_reach(self, i: int, vertex: int) -> bool:
         """Returns whether gripper `i` can reach the grasp position of a vertex."""
-        centre = self._grasp(vertex)[0]
-        return length(self._actor.within_reach(i, centre) - centre) < ARRIVED
+        center = self._grasp(vertex)[0]
+        return length(self._actor.within_reach(i, center) - center) < ARRIVED
 
     def _own_sides(self) -> np.ndarray:
         """Returns the signs along Y (2,) of the grippers' own sides."""

@@ -11,7 +11,7 @@ from softgym_mj.native.arithmetic import length
 from softgym_mj.policies.experts.picker_expert import ARRIVED, OPEN, PASSED
 from softgym_mj.policies.experts.rehearsing import GAIN, Plan, RehearsingExpert
 
-TRAVEL, CARRY = 0.1, 0.07  # [m] Heights of the picker centres, with open grips and holding.
+TRAVEL, CARRY = 0.1, 0.07  # [m] Heights of the picker centers, with open grips and holding.
 LAID = 0.045  # [m] Height of the picker centers where a vertex is released.
 # [m] Heights of hands above their lowest position: they hold vertices in the tool point itself.
 ARM_TRAVEL, ARM_CARRY, ARM_LAID = 0.045, 0.012, 0.001

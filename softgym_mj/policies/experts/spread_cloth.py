@@ -81,8 +81,8 @@ class SpreadCloth(CrumpledClothExpert):
             return goals
 
         way = -1.0 if tail_x() > 0.0 else 1.0
-        edge = high[0] - centre[0]  # Hands that are apart along Y reach less far along X.
-        while edge > PACE and not self._gets_to(line + centre + [way * edge, 0.0, low[2]]):
+        edge = high[0] - center[0]  # Hands that are apart along Y reach less far along X.
+        while edge > PACE and not self._gets_to(line + center + [way * edge, 0.0, low[2]]):
             edge -= PACE / 2
         yield from self._move(self._raised(high[2]), grips, LIFT, PASSED)
         yield from self._move(pose(tail_x(), high[2]), grips, LIFT, PASSED / 2)

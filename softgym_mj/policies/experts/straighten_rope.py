@@ -45,7 +45,7 @@ class StraightenRope(PickerExpert):
 
     def _pull_apart(self, ends: Sequence[int]) -> Iterator[np.ndarray]:
         """Pulls both ends apart to the length of the rope, about its center."""
-        rope, centre = self._env.task.rope, np.mean(self._actor.limits, axis=0)
+        rope, center = self._env.task.rope, np.mean(self._actor.limits, axis=0)
         waited = 0
         while waited < PATIENCE and (self._actor.held >= 0).all():
             # Positions of the ends when the grippers reach their targets; arms lag behind.

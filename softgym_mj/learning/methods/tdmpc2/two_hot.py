@@ -29,8 +29,8 @@ def two_hot(x: Tensor, bins: int) -> Tensor:
 
 def expected(logits: Tensor) -> Tensor:
     """Returns the expected numbers (...) of logits (..., bins)."""
-    centres = torch.linspace(LOW, HIGH, logits.shape[-1], device=logits.device)
-    return symexp((logits.softmax(-1) * centres).sum(-1))
+    centers = torch.linspace(LOW, HIGH, logits.shape[-1], device=logits.device)
+    return symexp((logits.softmax(-1) * centers).sum(-1))
 
 
 def cross_entropy(logits: Tensor, target: Tensor) -> Tensor:

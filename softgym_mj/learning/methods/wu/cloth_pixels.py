@@ -17,14 +17,14 @@ _YELLOW = 0.2  # (green - blue) / max of linen and ring; that of crimson is belo
 
 def cloth_pixels(images: Tensor) -> Tensor:
     """Returns whether each pixel shows cloth (..., height, width), of uint8 images (..., 3)."""
-    colours = images.float()
-    largest, smallest = colours.amax(-1), colours.amin(-1)
+    colors = images.float()
+    largest, smallest = colors.amax(-1), colors.amin(-1)
     saturation = (largest - smallest) / largest.clamp(min=1.0)
     yellow = (colors[..., 1] - colors[..., 2]) / largest.clamp(min=1.0)
     return (saturation > _SATURATED) & ~((saturation > _RING) & (yellow > _YELLOW))
 
 
-def pixel_centres(height: int, width: int, device: torch.device | str = "cpu") -> Tensor:
+def pixel_centers(height: int, width: int, device: torch.device | str = "cpu") -> Tensor:
     """Returns where pixels are (height * width, 2), row by row: right and down, from -1 to 1."""
     down, right = (
         (2.0 * torch.arange(number, device=device) + 1.0) / number - 1.0
