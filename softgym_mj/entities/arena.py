@@ -27,7 +27,9 @@ _TURNS = tuple(
     shifted(f"camera_{turn}", "deg", 1.0, 5.0, f"turn of the task's camera {how}", "visual")
     for turn, how in (("tilt", "upward"), ("pan", "to the left"), ("roll", "counter-clockwise"))
 )
-_ZOOM = shifted("camera_fov", "deg", 1.5, 6.0, "to the task's camera's field of view", "visual")
+_ZOOM = shifted(
+    "camera_fov", "deg", 1.5, 6.0, "change of the task's camera's field of view", "visual"
+)
 SOLIDS = ("box", "sphere", "capsule", "cylinder", "ellipsoid")
 # [s] Contact time constant. With MuJoCo's 0.02 s a rope that hangs over a rod of 4 mm sinks through
 # it, since two light vertices bear its weight. MuJoCo raises it to at least twice the physics step.

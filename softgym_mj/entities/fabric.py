@@ -137,32 +137,32 @@ class Fabric:
                 "stretch_stiffness", "N/m", self.stretch_stiffness, 1.4, 2.0,
                 "force per width and strain",
             ),
-            scaled("shear", "", self.shear, 1.4, 2.0, "stiffness of diagonals to that of edges"),
+            scaled("shear", "", self.shear, 1.4, 2.0, "stiffness of diagonals over that of edges"),
             scaled(
                 "bend_stiffness", "N m", self.bend_stiffness, 2.0, 5.0,
                 "moment per width and curvature",
             ),
-            _of_plates("bend_weft", self.bend_weft, "the same along Y; 0 is alike"),
-            _of_plates("bend_bias", self.bend_bias, "the same at 45 degrees; 0 is their mean"),
-            scaled("stretch_damping", "s", self.stretch_damping, 2.0, 5.0, "dashpot to stiffness"),
-            scaled("bend_damping", "s", self.bend_damping, 2.0, 5.0, "dashpot to stiffness"),
-            scaled("density", "kg/m^2", self.density, 1.4, 2.0, "mass of a unit of area"),
-            scaled("thickness", "m", self.thickness, 1.2, 1.6, "that layers keep"),
-            scaled("friction", "", self.friction, 1.2, 1.6, "on the floor"),
-            scaled("layer_friction", "", self.layer_friction, 1.2, 1.6, "between layers"),
+            _of_plates("bend_weft", self.bend_weft, "bending along Y; 0 for isotropic"),
+            _of_plates("bend_bias", self.bend_bias, "bending at 45 deg; 0 for the mean"),
+            scaled("stretch_damping", "s", self.stretch_damping, 2.0, 5.0, "damping time"),
+            scaled("bend_damping", "s", self.bend_damping, 2.0, 5.0, "damping time"),
+            scaled("density", "kg/m^2", self.density, 1.4, 2.0, "mass per area"),
+            scaled("thickness", "m", self.thickness, 1.2, 1.6, "distance of layers"),
+            scaled("friction", "", self.friction, 1.2, 1.6, "friction on the floor"),
+            scaled("layer_friction", "", self.layer_friction, 1.2, 1.6, "friction between layers"),
             Parameter(
                 "drag", "", self.drag, (0.5 * self.drag, 1.5 * self.drag),
-                (0.0, 2.0 * self.drag), "of the air on what moves along its normal",
+                (0.0, 2.0 * self.drag), "drag coefficient of air along the normal",
             ),
             Parameter(
                 "added_mass", "kg/m^2", self.added_mass, (0.0, max(self.added_mass, 0.1)),
-                (0.0, max(2.0 * self.added_mass, 0.5)), "air taken along",
+                (0.0, max(2.0 * self.added_mass, 0.5)), "added mass of air",
             ),
-            shifted("hue", "deg", 20.0, 90.0, "by which colors are turned", "visual"),
+            shifted("hue", "deg", 20.0, 90.0, "hue rotation of colors", "visual"),
             Parameter(
-                "brightness", "", 1.0, (0.8, 1.0), (0.65, 1.0), "factor to colors", "visual"
+                "brightness", "", 1.0, (0.8, 1.0), (0.65, 1.0), "factor on colors", "visual"
             ),
-            chosen("pattern", FABRICS, 3, "of the front, fainter on the back"),
+            chosen("pattern", FABRICS, 3, "pattern of the front, fainter on the back"),
         )  # fmt: skip
 
 

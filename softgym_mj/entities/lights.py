@@ -47,18 +47,18 @@ class Lights(Parametric):
     """Lights, placed relative to the task's camera."""
 
     parameters = (
-        shifted("light_azimuth", "deg", 40.0, 150.0, "turn of the key light about Z", "visual"),
+        shifted("light_azimuth", "deg", 40.0, 150.0, "rotation of the key light about Z", "visual"),
         Parameter(
             "light_elevation", "deg", looks.LIGHTS[0].elevation, (40.0, 70.0), (25.0, 85.0),
-            "of the key light", "visual",
+            "elevation of the key light", "visual",
         ),
-        scaled("light_brightness", "", 1.0, 1.15, 1.4, "factor to the key light", "visual"),
+        scaled("light_brightness", "", 1.0, 1.15, 1.4, "factor on the key light", "visual"),
         Parameter(
             "light_temperature", "K", WHITE, (4500.0, 8500.0), (2800.0, 14000.0),
             "color of the key light", "visual",
         ),
-        scaled("ambient_brightness", "", 1.0, 1.15, 1.3, "factor to all other light", "visual"),
-        chosen("lamps", LAMPS, 2, "further lamps, with shadow"),
+        scaled("ambient_brightness", "", 1.0, 1.15, 1.3, "factor on ambient light", "visual"),
+        chosen("lamps", LAMPS, 2, "further lamps with shadows"),
     )  # fmt: skip
 
     def __init__(self, root: mjcf.RootElement, middle: float, camera: float, look: Look):

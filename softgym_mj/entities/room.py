@@ -49,24 +49,24 @@ class Room(Parametric):
     """Table with its top at z = 0, and the room around it."""
 
     parameters = (
-        chosen("table_pattern", tuple(TABLES), 3, "of the table"),
+        chosen("table_pattern", tuple(TABLES), 3, "pattern of the table"),
         scaled("table_scale", "", 1.0, 1.5, 2.5, "size of the table's pattern", "visual"),
-        shifted("table_hue", "deg", 25.0, 180.0, "by which the table's color is turned", "visual"),
+        shifted("table_hue", "deg", 25.0, 180.0, "hue rotation of the table", "visual"),
         Parameter(
-            "table_saturation", "", 0.0, (0.0, 0.1), (0.0, 0.4), "that the table's color gains",
+            "table_saturation", "", 0.0, (0.0, 0.1), (0.0, 0.4), "added saturation of the table",
             "visual",
         ),
         Parameter(
-            "table_brightness", "", 1.0, (0.75, 1.0), (0.5, 1.0), "factor to the table's color",
+            "table_brightness", "", 1.0, (0.75, 1.0), (0.5, 1.0), "factor on the table's color",
             "visual",
         ),
-        shifted("backdrop_hue", "deg", 40.0, 180.0, "by which sky and room are turned", "visual"),
+        shifted("backdrop_hue", "deg", 40.0, 180.0, "hue rotation of sky and room", "visual"),
         Parameter(
-            "backdrop_saturation", "", 0.0, (0.0, 0.1), (0.0, 0.4), "that sky and room gain",
+            "backdrop_saturation", "", 0.0, (0.0, 0.1), (0.0, 0.4), "added saturation of backdrop",
             "visual",
         ),
         Parameter(
-            "backdrop_brightness", "", 1.0, (0.7, 1.0), (0.4, 1.0), "factor to sky and room",
+            "backdrop_brightness", "", 1.0, (0.7, 1.0), (0.4, 1.0), "factor on sky and room",
             "visual",
         ),
     )  # fmt: skip

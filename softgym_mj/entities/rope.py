@@ -37,12 +37,12 @@ COLOR = (0.05, 0.25, 0.68, 1.0)  # SoftGym's blue, darker: it stands out from a 
 PARAMETERS = (
     scaled("stretch_stiffness", "N", STRETCH_STIFFNESS, 1.4, 2.0, "force per strain"),
     scaled("bend_stiffness", "N m^2", BEND_STIFFNESS, 2.0, 5.0, "moment per curvature"),
-    scaled("bend_damping", "s", BEND_DAMPING, 2.0, 5.0, "dashpot to stiffness"),
-    scaled("density", "kg/m", MASS / LENGTH, 1.4, 2.0, "mass of a unit of length"),
-    scaled("friction", "", FRICTION, 1.2, 1.6, "on the floor and on itself"),
-    shifted("hue", "deg", 20.0, 90.0, "by which colors are turned", "visual"),
-    Parameter("brightness", "", 1.0, (0.75, 1.25), (0.5, 1.45), "factor to colors", "visual"),
-    chosen("pattern", ROPES, 2, "of the strands"),
+    scaled("bend_damping", "s", BEND_DAMPING, 2.0, 5.0, "damping time"),
+    scaled("density", "kg/m", MASS / LENGTH, 1.4, 2.0, "mass per length"),
+    scaled("friction", "", FRICTION, 1.2, 1.6, "friction on the floor and on itself"),
+    shifted("hue", "deg", 20.0, 90.0, "hue rotation of colors", "visual"),
+    Parameter("brightness", "", 1.0, (0.75, 1.25), (0.5, 1.45), "factor on colors", "visual"),
+    chosen("pattern", ROPES, 2, "pattern of the strands"),
 )
 
 

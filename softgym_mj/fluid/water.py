@@ -109,10 +109,16 @@ class Water(composer.Entity, Parametric):
         self.parameters = (
             scaled("viscosity", "m^2/s", liquid.viscosity, 2.0, 5.0, "kinematic viscosity"),
             scaled("cohesion", "m/s^2", liquid.cohesion, 1.4, 2.0, "attraction of particles"),
-            scaled("wall_friction", "", liquid.friction, 2.0, 5.0, "on the walls of the cups"),
-            shifted("hue", "deg", 20.0, 90.0, "by which colors are turned", "visual"),
+            scaled("wall_friction", "", liquid.friction, 2.0, 5.0, "friction on the walls of cups"),
+            shifted("hue", "deg", 20.0, 90.0, "hue rotation of colors", "visual"),
             Parameter(
-                "opacity", "", WATER.rgba[3], (0.4, 0.65), (0.2, 0.9), "of its surface", "visual"
+                "opacity",
+                "",
+                WATER.rgba[3],
+                (0.4, 0.65),
+                (0.2, 0.9),
+                "opacity of its surface",
+                "visual",
             ),
         )
         self.arrays: dict[str, np.ndarray] = {}

@@ -20,14 +20,14 @@ class TaskSensor:
     """
 
     parameters = (
-        Parameter("sensor_blur", "pixels", 0.0, (0.0, 0.6), (0.0, 1.3), "deviation", "sensor"),
-        scaled("sensor_exposure", "", 1.0, 1.15, 1.35, "factor to pixels", "sensor"),
+        Parameter("sensor_blur", "pixels", 0.0, (0.0, 0.6), (0.0, 1.3), "sigma of blur", "sensor"),
+        scaled("sensor_exposure", "", 1.0, 1.15, 1.35, "factor on pixel values", "sensor"),
         Parameter(
-            "sensor_noise", "1/255", 0.0, (0.0, 4.0), (0.0, 10.0), "deviation of a pixel", "sensor"
+            "sensor_noise", "1/255", 0.0, (0.0, 4.0), (0.0, 10.0), "sigma of pixel noise", "sensor"
         ),
         Parameter(
             "sensor_quality", "", LOSSLESS, (60.0, LOSSLESS), (25.0, LOSSLESS),
-            "of JPEG; 100 is without", "sensor",
+            "JPEG quality; 100 for no compression", "sensor",
         ),
     )  # fmt: skip
 
