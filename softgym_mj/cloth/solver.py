@@ -51,7 +51,7 @@ class Material:
     bend_bias: float = 0.0
 
 
-# What models say only if it is not 0: as those that were made before these were known.
+# Attributes that are written only if not 0, so that models load with older builds of the plugin.
 _OPTIONAL = ("bend_weft", "bend_bias")
 
 

@@ -16,7 +16,7 @@ class ChainRows {
   struct Row {
     std::vector<int> vertex, edge;
     std::vector<float> start, length, gamma, keep, before, impulse;  // As in EdgeBlock.
-    std::vector<double> lower, diagonal, right, normal;              // Of the system.
+    std::vector<double> lower, diagonal, right, normal;              // Linear system.
   };
 
   // Rebuilds the rows after a change of the mesh or of the substep length [s].

@@ -17,7 +17,7 @@ namespace softgym_mj::cloth {
 // Results depend on the arguments only; data kept from step to step only saves time.
 class Layers {
  public:
-  std::vector<Pair> pairs;  // That push.
+  std::vector<Pair> pairs;  // Pushing pairs.
   Aligned<LayerBlock> blocks;
 
   // Rebuilds the search structures after a change of the mesh.

@@ -139,7 +139,7 @@ void AddChains(const Material& material, int first_edge, Mesh* mesh) {
       const double a = mesh->edges[chain.edge[i - 1]].length, b = mesh->edges[chain.edge[i]].length;
       if (!(a > 0 && b > 0)) continue;
       const double l = (a + b) / 2;
-      // Of equal pieces 1, -2, 1.
+      // The weights of equal pieces are 1, -2, 1.
       mesh->hinges.push_back({{chain.vertex[i - 1], chain.vertex[i], chain.vertex[i + 1], -1},
                               {l / a, -l / a - l / b, l / b, 0},
                               material.bend / (l * l * l),

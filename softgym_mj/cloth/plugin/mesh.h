@@ -24,7 +24,7 @@ struct Material {
   double friction = 0.75;            // Between layers.
   double drag = 0;                   // Coefficient of the air's drag on what moves along its normal.
   double added_mass = 0;             // [kg/m^2] Of air that is moved along with it.
-  int contype = 1, conaffinity = 1;  // What geoms it touches, as in MuJoCo.
+  int contype = 1, conaffinity = 1;  // Geoms that it touches, as in MuJoCo.
 };
 
 // Region of a point on a triangle: the set of corners with weight, as bits.

@@ -45,10 +45,11 @@ int Hypotenuse(const Mesh& mesh, const Mesh::Triangle& triangle) {
 
 // A grid of rectangles: lines along two directions, and a diagonal in each cell.
 struct Grid {
-  std::vector<bool> is_diagonal;                        // Of each edge of the flex.
-  std::vector<std::array<std::array<int, 2>, 2>> next;  // Of each vertex: along each direction, back and forth.
-  std::vector<double> area;                             // Of each vertex, what is nearest to it [m^2].
-  std::vector<bool> is_cut;                             // Whether it lies on a rim that cuts cells in halves.
+  std::vector<bool> is_diagonal;  // Whether each edge of the flex is a diagonal.
+  std::vector<std::array<std::array<int, 2>, 2>>
+      next;                  // Neighbors of each vertex along each direction, back and forth.
+  std::vector<double> area;  // Area nearest to each vertex [m^2].
+  std::vector<bool> is_cut;  // Whether it lies on a rim that cuts cells in halves.
 };
 
 bool FindGrid(const Mesh& mesh, int first_edge, int first_triangle, Grid* grid) {

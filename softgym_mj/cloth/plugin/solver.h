@@ -65,7 +65,7 @@ class Solver {
   ContactRow contact_ = {}, plane_row_ = {};
   Points points_ = {};
   AlignedFloats now_, before_, drift_, bent_drift_, predicted_, moved_, air_;
-  AlignedFloats with_layers_;  // What `now_` was after their last sweep.
+  AlignedFloats with_layers_;  // `now_` after the layers' last sweep.
   int search_interval_ = 1;    // Substeps from one search for nearest points to the next.
   EdgeRows edges_;
   HingeRows hinges_;

@@ -150,7 +150,7 @@ bool FlexBoundary::Meets(const FlexElement& e, Vector from, Vector way, double d
   return true;
 }
 
-// What keeps a particle on its way between two places out of an element.
+// Displacement that keeps a particle between two positions out of an element.
 FlexBoundary::Push FlexBoundary::FindPush(const FlexElement& e, Vector from, Vector x) const {
   const double hold = e.radius + fluid_.contact;
   const Vector way = x - from;

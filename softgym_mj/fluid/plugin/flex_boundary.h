@@ -14,7 +14,7 @@
 
 namespace softgym_mj {
 
-// What moves in a step: elements, and their vertices (n, 3) at its start and its end [m].
+// Motion of flexes in a step: elements, and their vertices (n, 3) at its start and its end [m].
 struct FlexMotion {
   std::vector<FlexElement> elements;
   std::vector<mjtNum> start, end;
@@ -26,54 +26,52 @@ inline Vector Unit(Vector a) {
   return length > 0 ? (1 / length) * a : Vector{0, 0, 0};
 }
 
-// Four planes. A point is at least as far from an element as from the first, and as it is above any
-// other: those through the sides of a triangle, across it, or through the ends of a segment.
+// Four planes that bound the distance to an element from below: the plane of a triangle, and planes perpendicular to it
+// through its sides, or through the ends of a segment.
 struct ElementBound {
   float x[4], y[4], z[4], offset[4];
 
-  // Squared distance of `p` from the element, at least.
+  // Lower bound of the squared distance of `p` from the element.
   float SquaredDistance(const float* p) const {
     float height[4];
     for (int k = 0; k < 4; ++k) height[k] = x[k] * p[0] + y[k] * p[1] + z[k] * p[2] - offset[k];
     const float beside = std::max(std::max(0.0f, height[1]), std::max(height[2], height[3]));
     return height[0] * height[0] + beside * beside;
   }
-  // Whether the element is further from `p` than `reach` for sure.
+  // Whether the element is certainly further from `p` than `reach`.
   bool OutOfReach(const float* p, float reach, float slack) const {
     const float most = reach + slack;
     return most < 0 || SquaredDistance(p) > most * most;
   }
 };
 
-// The walls' part of a solver. Double precision, one particle after the other: the particles near a
-// flex are few. Those far from all cost next to nothing.
+// Flexes as walls of a solver. It handles particles one by one in double precision, because few are near a flex.
 class FlexBoundary {
  public:
-  // Called at the start of a step, with particles and vertices where they start; positions are relative
-  // to `origin` from here on. Velocities move a particle by `way` in a substep at most.
+  // Starts a step with the initial positions of particles and vertices, from here on relative to `origin`. Velocities
+  // move a particle by `way` in a substep at most.
   void Begin(const FlexMotion& motion, const double origin[3], const FluidConstants& fluid, const Particles& p,
              double way, int substeps);
-  // Moves on to the next substep, which ends after this fraction of the step.
+  // Starts the next substep, which ends at `fraction` of the step.
   void Place(double fraction);
 
-  // In a substep, in this order. Finds the particles near flexes at the predicted positions; `order`
-  // tells what was the place of each at the start of the step.
+  // The next four functions are called in this order in a substep. Finds the particles near flexes at the predicted
+  // positions; `order` holds the index of each at the start of the step.
   void FindNear(const Particles& p, const int* order);
-  // A cloth adds the density of water behind it, as other walls do.
+  // Adds the density of water behind cloth, as for other walls.
   void FindShares(const Particles& p);
   void MultiplyFreeShare(const Particles& p) const;
   void AddGradient(const Particles& p);
-  // Moves particles by adding to their corrections. `wall_push` turns pressure times slope into what
-  // the pressure moves them by.
+  // Adds to the corrections of particles. `wall_push` converts pressure times slope to a displacement.
   void Collide(const Particles& p, float wall_push);
-  // Stops those that other walls would have pushed through a cloth.
+  // Stops particles that other walls would push through cloth.
   void Guard(const Particles& p) const;
 
-  // Whether a particle had too many elements near it in this step, of which the furthest did not count.
+  // Whether a particle had too many near elements in this step, of which the furthest were left out.
   bool too_many() const { return too_many_; }
 
-  // After the last substep, of h seconds: drags particles along by a share of the difference in
-  // velocity. Needs FindNear and FindShares.
+  // Drags particles along by a share of the difference in velocity after the last substep of h [s]; needs FindNear and
+  // FindShares.
   void Drag(const Particles& p, float viscosity, float h) const;
 
  private:
@@ -90,25 +88,25 @@ class FlexBoundary {
     Vector direction;
     double length;
   };
-  // An element that may be near, and how far its surface was at least when it was found.
+  // An element that may be near, and a lower bound of its distance when it was found.
   struct Candidate {
     double distance;
     int element;
   };
-  // The elements near a place where a particle was, in `candidates_`: the nearest come first.
+  // Elements near an earlier position of a particle, a range of `candidates_`, sorted by distance.
   struct List {
     float position[3];
-    double fraction = -1;  // Of the step, when it was there; negative: never.
+    double fraction = -1;  // Fraction of the step at that position; negative means none.
     int first = 0, last = 0, room = 0;
   };
-  // What is known of a particle that has such elements.
+  // Data of a particle with near elements.
   struct Near {
     int particle;
     int first, last;
-    double moved;  // How much nearer elements can be than when they were found.
-    int element;   // Whose surface is nearest to the prediction, or -1.
+    double moved;  // Upper bound of the decrease of distances since the elements were found.
+    int element;   // Element nearest to the predicted position, or -1.
     double weight[3];
-    double gap;  // Distance of the prediction to the nearest surface of any kind, or more.
+    double gap;  // Upper bound of the distance of the predicted position to the nearest surface.
     Vector normal;
     double share, slope;
   };
@@ -131,20 +129,20 @@ class FlexBoundary {
   const FlexMotion* motion_ = nullptr;
   FluidConstants fluid_;
   float slack_;
-  bool active_ = false;              // Whether a particle can come into reach in this step.
-  double low_[3], high_[3];          // Box around all that is in reach of an element.
+  bool active_ = false;              // Whether a particle can come into range in this step.
+  double low_[3], high_[3];          // Box around all points within range of an element.
   std::vector<Vector> from_, move_;  // Vertices: where they start, displacement in the step.
   std::vector<Vector> start_, end_;  // The same in this substep.
-  double fraction_;                  // Of the step, at the end of the substep.
+  double fraction_;                  // Fraction of the step at the end of the substep.
   double furthest_, longest_;        // Largest displacement in the step and the substep [m].
   double cell_;                      // Width of a cell of the grid [m].
   std::vector<int> cells_, entries_, cell_start_, in_cell_;
-  std::vector<int> everywhere_;  // Elements that are in no cell: they may be near any.
-  int most_;                     // Elements that are kept of those near a particle.
+  std::vector<int> everywhere_;  // Elements outside the grid, which may be near any particle.
+  int most_;                     // Largest number of stored elements near a particle.
   bool too_many_ = false;
   std::vector<char> is_used_;
   std::vector<int> used_;             // Elements that have been near a particle.
-  std::vector<ElementBound> bounds_;  // Of these, at the end of the substep.
+  std::vector<ElementBound> bounds_;  // Their bounds at the end of the substep.
   std::vector<List> lists_;
   std::vector<Candidate> candidates_;
   std::vector<Near> near_;

@@ -1,5 +1,5 @@
-// Which elements of flexes are near each particle. A particle keeps its list until it or the flexes
-// have moved too far; what is near a new place is looked up in a grid of the elements.
+// Lists of flex elements near each particle. A particle keeps its list until it or the flexes have moved too far; a new
+// list is read from a grid of the elements.
 
 #include <algorithm>
 #include <cmath>
@@ -9,23 +9,23 @@
 namespace softgym_mj {
 namespace {
 
-// Elements in the lists are this much further away than they act, in spacings.
+// [spacings] Margin of the lists beyond the interaction range.
 constexpr double kSkin = 0.3;
 // A surface counts up to this share of the kernel's support: beyond it fills less than 0.2 %.
 constexpr double kReach = 0.75;
-// What positions and bounds in single precision may be wrong by, in spacings.
+// [spacings] Rounding error of positions and bounds in single precision.
 constexpr double kSlack = 1e-3;
-// How far a particle may get in a substep besides by its velocity, in spacings.
+// [spacings] Largest displacement of a particle in a substep in addition to its velocity.
 constexpr double kPushed = 1.0;
 constexpr int kCells = 16;  // Along an axis of the grid, which is wrapped.
 // Width of a cell in distances at which surfaces are listed. 1 to 2 cost the same.
 constexpr double kCellWidth = 1.5;
-// An element that lies in more cells, and all when there are so many entries of others, is looked at from everywhere:
-// a crumpled cloth of any size takes a hundred megabytes at most.
+// An element in more cells than this is outside the grid and checked for every particle, which limits a crumpled cloth
+// of any size to 100 MB.
 constexpr int kMostCells = 1024;
 constexpr size_t kMostEntries = 1 << 23;
-// Elements that are kept of those near a particle: all of the finest cloth in two layers, and, of fewer particles, as
-// many as take a hundred megabytes together.
+// Largest number of stored elements near a particle, enough for two layers of the finest cloth, and of all particles
+// together (100 MB).
 constexpr int kMostCandidates = 512, kMostInAll = 1 << 23;
 
 double Component(Vector a, int k) { return k == 0 ? a.x : k == 1 ? a.y : a.z; }
@@ -62,7 +62,7 @@ void FlexBoundary::Begin(const FlexMotion& motion, const double origin[3], const
     furthest_ = std::max(furthest_, Norm(move_[v]));
   }
   end_ = from_;
-  // Where particles can get in this step.
+  // Region that particles can reach in this step.
   const double most = substeps * (way + kPushed * fluid.spacing);
   for (int k = 0; k < 3; ++k) {
     float low = p.position[k], high = low;
@@ -104,7 +104,7 @@ void FlexBoundary::FillGrid() {
       apart |= low[k] > high[k];
     }
     if (apart) continue;
-    bool wraps = false;  // All cells along an axis, each of which stands for several places.
+    bool wraps = false;  // Whether it covers all cells along an axis of the wrapped grid.
     for (int k = 0; k < 3; ++k) {
       box_low[k] = std::min(box_low[k], low[k]);
       box_high[k] = std::max(box_high[k], high[k]);
@@ -203,7 +203,7 @@ void FlexBoundary::Look(const float x[3], List* list) {
     found = most_;
     too_many_ = true;
   }
-  if (found <= list->room) {  // Where the last ones were.
+  if (found <= list->room) {  // Overwrites the last list.
     std::copy_n(candidates_.begin() + begin, found, candidates_.begin() + list->first);
     candidates_.resize(begin);
   } else {
@@ -219,7 +219,7 @@ void FlexBoundary::FindNear(const Particles& p, const int* order) {
   if (!active_) return;
   for (int i = 0; i < p.count; ++i) {
     const float* x = p.position + 4 * i;
-    bool inside = true;  // Not so if one is not a number.
+    bool inside = true;  // False for NaN.
     for (int k = 0; k < 3; ++k) inside &= x[k] >= low_[k] && x[k] <= high_[k];
     if (!inside) continue;
     List& list = lists_[order[i]];

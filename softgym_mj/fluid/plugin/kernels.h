@@ -33,7 +33,7 @@ struct Particles {
   float* correction;     // Displacement of the substep [m].
   float* gradient;       // Sum of e_ij, plus the walls' part (see kernels_impl.h).
   float* wall_gradient;  // The walls' part.
-  float* wall_density;   // What the walls add to the density, one float per particle.
+  float* wall_density;   // Density added by walls, one float per particle.
   float* free_share;     // Product over the walls of the share that they leave open, one float per particle.
   float* pressure;       // One float per particle.
   bool* crowded;         // Set if two particles may be in one place.
@@ -53,8 +53,8 @@ struct Neighbors {
   int* begin;
   const int* end;
   int* index;
-  long capacity;   // Of `index`.
-  int most;        // Of one particle; of those that have more, the first ones are listed.
+  long capacity;   // Capacity of `index`.
+  int most;        // Largest number per particle; further neighbors are left out.
   bool* too_many;  // Set if one has more.
   float* e;        // Three arrays of `stride` floats: e_ij by component.
   long stride;
