@@ -1,4 +1,4 @@
-"""How far cantilevers bend under their own weight, far from small angles."""
+"""Large deflections of cantilevers under their own weight."""
 
 import numpy as np
 import scipy.integrate
@@ -28,7 +28,7 @@ def elastica_drop(length: float, weight: float, stiffness: float) -> float:
 
 
 def chain_drop(links: int, spacing: float, weight: float, stiffness: float) -> float:
-    """The same of rigid links with hinges between them and at the clamp, heavy at their ends."""
+    """Deflection of rigid links with hinges and with masses at their ends."""
     force = np.full(links, weight * spacing)
     force[-1] /= 2
 

@@ -161,7 +161,7 @@ def model_xml(
     """A model of flexes, called a, b, c, ..., in a body with the attributes `parent`."""
     names = [chr(ord("a") + i) for i in range(len(flexes))]
     instances = "".join(flex.instance(name) for flex, name in zip(flexes, names, strict=True))
-    if settings:  # Of the first instance, which solves for all.
+    if settings:  # Settings of the first instance, which solves for all.
         instances = instances.replace("</instance>", settings + "</instance>", 1)
     inside = "".join(flex.flexcomp(name) for flex, name in zip(flexes, names, strict=True))
     plane = '<geom name="floor" type="plane" size="9 9 .1" friction=".01"/>' if floor else ""

@@ -75,7 +75,7 @@ class _Followed:
             task.after_step(physics, None)
 
     def check(self, solver, i):
-        """That row `i` of the batch is where the environment is, bit by bit."""
+        """Checks that row `i` of the batch equals the environment bit by bit."""
         count = self.flex.num_points
         np.testing.assert_array_equal(solver.qpos[i, :count], self.flex.slides)
         np.testing.assert_array_equal(solver.qvel[i, :count], self.flex.slide_velocities)

@@ -180,7 +180,7 @@ def test_a_load_falls_when_its_equality_lets_go():
 
 @pytest.mark.parametrize("joints", [3, 1], ids=["three slides", "a rail"])
 def test_a_vertex_may_be_a_load_on_slides(joints):
-    """Of a flex whose bodies are given one by one: ten vertices and a load of 2 kg."""
+    """A flex with explicit bodies: ten vertices and a load of 2 kg."""
     axes = ("0 0 1", "1 0 0", "0 1 0")
     slides = [f'<joint type="slide" axis="{axis}" damping="{{}}"/>' for axis in axes]
     bodies = "".join(

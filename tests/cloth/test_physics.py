@@ -61,7 +61,7 @@ def lying(thing: str, friction: float, tangent: float = 0.0) -> FlexScene:
 
 
 def way(scene: FlexScene, steps: int) -> float:
-    """How far [m] something gets along X."""
+    """Displacement along X [m]."""
     start = scene.positions()
     scene.step(steps)
     return float((scene.positions() - start)[:, 0].mean())
@@ -261,7 +261,7 @@ def pile(name: str, size: int, vertex: int) -> FlexScene:
 
 
 def spring_shares(scene: FlexScene, fabric: Fabric) -> np.ndarray:
-    """Of all edges: half of what one along the mesh is, if there is cloth on one side only."""
+    """Relative stiffness of edges; an edge with a single triangle has half."""
     sides = np.stack([scene.triangles, np.roll(scene.triangles, 1, axis=1)], axis=2)
     pairs = np.sort(sides.reshape(-1, 2), axis=1).tolist()
     triangles = np.array([pairs.count(edge) for edge in np.sort(scene.edges, axis=1).tolist()])
@@ -388,7 +388,7 @@ def folded(name: str, size: int) -> np.ndarray:
                      for mass in (0.1, 0.3, 1.0, 3.0))],
 )  # fmt: skip
 def test_a_box_rests_on_a_folded_cloth(mass, size, name):
-    """What it presses with, the floor bears: it sinks less than 2 mm, and stays where it is."""
+    """The floor bears its weight: it sinks less than 2 mm and stays in place."""
     scene = FlexScene(
         sheet(size, size, fabric=FABRICS[name]), scenery=BOX.format(mass=mass), hit_interval=10**9
     )

@@ -32,7 +32,7 @@ def test_so_does_one_with_the_spacing_of_sheets_and_the_time_steps_of_tasks(load
 
 
 def test_edges_that_resist_alike_are_stiffer_than_they_say_where_they_bend_sharply():
-    """What plates are for."""
+    """Shows the error of equal hinges, which plates avoid."""
     alike = dataclasses.replace(Fabric.named("black_denim"), bend_weft=0.0, bend_bias=0.0)
     found = cantilever(alike, "alike", "grid_0", 8, 50.0, SPACING)
     assert 1.35 < found.value / found.expected < 1.5

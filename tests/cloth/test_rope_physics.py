@@ -116,7 +116,7 @@ def test_a_rope_in_free_flight_gains_no_energy_and_keeps_its_momentum():
 
 
 def least_distance(points: np.ndarray, apart: int = 4) -> float:
-    """Of the middles of pieces [m] at least so many pieces apart along the rope."""
+    """Smallest distance [m] of midpoints of pieces that are `apart` pieces or more apart."""
     shares = np.linspace(0.0, 1.0, 6)[None, :, None]
     on_pieces = points[:-1, None] * (1 - shares) + points[1:, None] * shares
     count = len(on_pieces)

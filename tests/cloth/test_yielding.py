@@ -15,9 +15,9 @@ WIDE = Workspace((-2.0, -2.0, 0.0), (2.0, 2.0, 2.0))
 ROPE, CLOTH = "straighten_rope", "spread_cloth"
 # [m] Of the picker centers above the vertices: the spheres just touch these.
 ABOVE = {ROPE: 0.03, CLOTH: 0.055}
-SECONDS = 0.32  # Of pulling.
+SECONDS = 0.32  # Duration of the pull.
 NEIGHBORS = (180, 181)  # Vertices in the middle of the cloth, along X.
-# Of a learned policy: one picker takes hold of a tangled rope of variation 801 and whips it.
+# Actions of a learned policy: one picker grasps the tangled rope of variation 801 and whips it.
 WHIP = [
     [-0.87, -1.0, -1.0, 1.0, -0.91, -1.0, -0.86, 0.02],
     [1.0, 0.89, -0.33, -0.92, -1.0, -1.0, 0.85, 0.98],

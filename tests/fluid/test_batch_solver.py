@@ -25,7 +25,7 @@ class _Followed:
 
     @property
     def state(self):
-        """Of the plugin, by name."""
+        """State of the plugin by name."""
         count, data = self.water.num_points, self.env.physics.data.ptr
         model = self.env.physics.model.ptr
         known, positions, velocities, walls = np.split(
@@ -57,7 +57,7 @@ class _Followed:
             task.after_step(physics, None)
 
     def check(self, solver, i):
-        """That row `i` of the batch is where the environment is, bit by bit."""
+        """Checks that row `i` of the batch equals the environment bit by bit."""
         state = solver.get_state(i)
         for name, array in self.state.items():
             np.testing.assert_array_equal(state[name], array, err_msg=name)

@@ -405,7 +405,7 @@ def test_flexes_that_are_off_or_far_change_no_bit(pos):
 
 
 def test_a_cloth_that_jumps_is_not_swept():
-    """As a wall that counts as teleported; with the first entry cleared any move is."""
+    """A fast flex counts as teleported; with the first state entry cleared any motion does."""
     for jump, known, taken in ((1.0, 1, False), (0.05, 1, True), (0.05, 0, False)):
         sheet = cloth(4, 0.06, range(16))
         body = f'<body name="board" mocap="true" pos="0 0 0.3">{sheet}</body>'

@@ -62,7 +62,7 @@ def test_a_teleport_is_not_swept(jump, known, taken):
 
 
 def test_the_first_move_after_a_reset_is_swept():
-    """As far as mj_forward has seen where the walls start from."""
+    """Walls are swept from the pose of the last mj_forward."""
     for forward in (True, False):
         cup = FluidCup((5, 5), 5)
         if forward:

@@ -37,7 +37,7 @@ def _box():
 
 
 def _play(spin, shake, axis, steps=100):
-    """How many particles are outside, the fastest corner [m/s], and the number of warnings."""
+    """Returns the number of particles outside, the fastest corner [m/s] and the warnings."""
     model = _box()
     data = mujoco.MjData(model)
     axis, rate = np.array(axis) / np.linalg.norm(axis), 4 * np.pi

@@ -15,8 +15,8 @@ from softgym_mj.rendering.batch import Pictures, describe
 from tests.cloth import test_batch_solver as cloth
 from tests.fluid import test_batch_solver as water
 
-THREADS = 16  # Of a block: two groups of eight lanes.
-SIDES = 16, 12  # Of a picture [pixels].
+THREADS = 16  # Threads of a block: two groups of eight lanes.
+SIDES = 16, 12  # Size of an image [pixels].
 
 
 class _Emulated(CpuDevice):

@@ -83,7 +83,7 @@ class Maker:
         return f'<instance name="{name}">{config}</instance>'
 
     def extension(self):
-        """Of up to two instances of each plugin, whose names these are."""
+        """Returns up to two instances of each plugin; stores their names."""
         self.waters = [f"water{i}" for i in range(self.rng.choice(3, p=[0.3, 0.55, 0.15]))]
         self.cloths = [f"cloth{i}" for i in range(self.rng.choice(3, p=[0.25, 0.6, 0.15]))]
         count = (1, 8, 27, 60, 150, 400)

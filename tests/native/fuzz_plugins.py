@@ -26,7 +26,7 @@ from tests.native.fuzz_models import make_model
 
 ROOT = pathlib.Path(__file__).parents[2]
 PER_PROCESS = 250
-SECONDS, SANITIZED_SECONDS = 60, 600  # Of a case, at most: the worst take 2 on a free core.
+SECONDS, SANITIZED_SECONDS = 60, 600  # Time limits of a case; the slowest take 2 s on a free core.
 MEMORY = 1 << 30  # [bytes] That cases may take beyond what Python and MuJoCo have.
 SANITIZERS = (
     "-g1 -fsanitize=address,undefined,float-cast-overflow "
@@ -76,7 +76,7 @@ def spoil_state(model, data, rng):
 
 
 def change_model(model, data, rng):
-    """What a program may write into a compiled model."""
+    """Changes that a program may make to a compiled model."""
     kind = rng.integers(6)
     if kind == 0:
         model.opt.timestep = rng.choice([0, -0.01, np.nan, np.inf, 1e-12, 1e-3, 1, 1e9, 1e308])
@@ -168,7 +168,7 @@ def play(number):
             OPERATIONS[i](model, data, rng)
             if OPERATIONS[i] in (spoil_state, change_model):
                 step(model, data, rng)
-    except Exception as error:  # Of any kind: what counts is that there is one.
+    except Exception as error:  # Any error is accepted.
         assert str(error), f"{error!r} says nothing"
         return str(error)
     return ""

@@ -31,7 +31,7 @@ from softgym_mj.policies.rollouts import ExecutorRollouts
 VARIATION, SEED = 803, 5
 LONGEST = 40  # Env steps of an episode, unless it ends before.
 PLANNED = 2  # Env steps of one that is planned.
-# What NumPy has for this processor beyond what it is built for: AVX2, AVX-512 and so on.
+# NumPy's CPU features of this processor beyond its baseline: AVX2, AVX-512 and so on.
 FOUND: Sequence[str] = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
 WIDE = " ".join(name for name in FOUND if name != "X86_V3")
 # Variables by name: OpenBLAS's kernels for processors with AVX2, and for some with neither that nor
@@ -89,7 +89,7 @@ def digest(case: Case, longest: int = LONGEST) -> str:
 
 
 def digests(variables: dict[str, str], wanted: Sequence[Case], longest: int) -> dict[str, str]:
-    """Of cases by name, in a process of its own with these variables and no stored states."""
+    """Digests of cases by name, from a separate process with these variables and an empty cache."""
     with tempfile.TemporaryDirectory() as cache:
         path = os.pathsep.join([str(pathlib.Path(__file__).parents[2]), *sys.path])
         process = subprocess.run(

@@ -21,7 +21,7 @@ README = ROOT / "softgym_mj" / "fluid" / "plugin" / "README.md"
 
 @pytest.fixture
 def unloaded(monkeypatch):
-    """As in a process that has not loaded the library."""
+    """Simulates a process that has not loaded the library."""
     monkeypatch.setattr(library, "_is_registered", lambda: False)
 
 

@@ -1,4 +1,4 @@
-"""What the plugins do where memory runs out, and how little they take of it."""
+"""Tests of the plugins' memory: behavior when it runs out, and its size."""
 
 import os
 import shutil

@@ -24,7 +24,7 @@ RADIUS = 0.0625
 
 
 class Surface:
-    """What is measured of a triangle mesh; equal vertices count as one."""
+    """Measures of a triangle mesh; equal vertices count as one."""
 
     def __init__(self, vertices, normals, faces):
         self.vertices, self.normals = vertices.astype(float), normals.astype(float)

@@ -15,13 +15,13 @@ from softgym_mj.fluid import load_plugin
 
 PAGE = (pathlib.Path(__file__).parents[2] / "docs" / "plain_mujoco.md").read_text()
 *SCRIPT, OTHER_PROCESS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
-STEPS = 20  # Of the block for another process.
+STEPS = 20  # Steps of the code block for another process.
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
 @pytest.fixture(name="folder", scope="module")
 def _folder(tmp_path_factory):
-    """Where the script runs."""
+    """Folder in which the script runs."""
     return tmp_path_factory.mktemp("plain")
 
 
@@ -75,7 +75,7 @@ def test_files_have_the_model_that_the_page_says(blocks, folder):
     fitted = ("actuator_biasprm", "actuator_forcerange", "flex_edgedamping")
     for name in dir(model):
         value = getattr(model, name)
-        # Of names of files; marks of goals.
+        # Attributes of file names and goal marks.
         if name == "_sizes" or name.endswith("pathadr") or name.startswith("site_"):
             continue
         if isinstance(value, np.ndarray):

@@ -1,4 +1,4 @@
-"""What the plugins do when a step is impossible, or particles are where none should be."""
+"""Tests of the plugins with impossible steps and misplaced particles."""
 
 import subprocess
 import sys
@@ -29,7 +29,7 @@ SHEET = """<flexcomp name="{}" type="grid" dim="2" count="9 9 1" spacing=".03 .0
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "discrete", "RK4"])
 @pytest.mark.parametrize("bad", [np.nan, -np.inf, 1e12])
 def test_bad_particles_restart_the_simulation(bad, integrator):
-    """As MuJoCo does where joints diverge: a warning, and the state of a new mjData."""
+    """Checks MuJoCo's behavior for divergence: a warning, and the state of a new mjData."""
     option = f'integrator="{integrator}"'
     cup = FluidCup((3, 3), 3, body="", joint=SLIDE, option=option, two_way="true")
     model, data = cup.model, cup.data
@@ -213,7 +213,7 @@ def test_long_values_leave_room_for_what_is_valid():
 
 
 def distances(x):
-    """Of all pairs of particles, in spacings."""
+    """Distances of all pairs of particles [spacings]."""
     i, j = np.triu_indices(len(x), 1)
     return np.linalg.norm(x[i] - x[j], axis=1) / SPACING
 

@@ -1,4 +1,4 @@
-"""The same bits on every processor: episodes under other kernels of BLAS, NumPy and the plugins."""
+"""Bit-identical episodes under other kernels of BLAS, NumPy and the plugins."""
 
 import pytest
 

@@ -158,7 +158,7 @@ def restored(midway: Midway, other: mujoco.MjData) -> mujoco.MjData:
 
 
 def copied(midway: Midway, other: mujoco.MjData) -> mujoco.MjData:
-    """The same by mj_copyData."""
+    """States copied by mj_copyData continue identically."""
     mujoco.mj_copyData(other, midway.model, midway.data)
     return other
 
@@ -221,7 +221,7 @@ def test_snapshots_and_pickles_continue_bit_by_bit_in_another_process():
 
 
 def test_without_the_plugins_state_it_goes_on_otherwise(midway):
-    """So that what is above says something: what plugins remember is a part that counts."""
+    """Checks the tests above: without the plugin state, the simulation differs."""
     other = copy.deepcopy(midway.data)
     other.plugin_state[:] = 0
     assert not np.array_equal(drive(midway.model, other), midway.expected)

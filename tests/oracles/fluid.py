@@ -148,20 +148,20 @@ def _total(count: int, index: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def _filled(fluid: Fluid, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What lies behind walls at these distances fills of the kernels (n,), and its slope (n,)."""
+    """Returns the share (n,) of kernels filled behind walls at distances, and its slope (n,)."""
     u = np.clip(1 - distance / fluid.radius, 0.0, 1.0)
     share = WALL_DENSITY / REST_DENSITY * u**5 * (1 / 20 - u / 30)
     return share, WALL_DENSITY / 3 * u**4 * (1 / 4 - u / 5)
 
 
 def _wall_share(fluid: Fluid, wall: Wall, pose: Pose, positions: np.ndarray):
-    """What a wall fills of the kernels (n,), its slope (n,) and the wall's normals (n, 3)."""
+    """Returns the share of kernels that a wall fills (n,), its slope (n,) and normals (n, 3)."""
     distance, normal = wall.distance(pose.to_local(positions))
     return *_filled(fluid, distance), normal @ pose.matrix.T
 
 
 def _flex_share(fluid: Fluid, flexes: Flexes, corners: np.ndarray, x: np.ndarray):
-    """The same of the nearest cloth, and which that is: a list of n."""
+    """Returns share, slope and normals of the nearest cloth, and its index: a list of n."""
     near = [find_nearest(fluid, flexes, corners, p) for p in x]
     share, slope = _filled(fluid, np.array([n.distance for n in near]))
     facing = np.array([n.facing for n in near])
@@ -174,7 +174,7 @@ def _impulse(rate: float, positions: np.ndarray, changes: np.ndarray) -> np.ndar
 
 
 def _nudges(fluid: Fluid, positions: np.ndarray) -> np.ndarray:
-    """What moves particles (n, 3) that are in the place of one before them."""
+    """Returns displacements (n, 3) of particles that coincide with an earlier one."""
     nudges = np.zeros_like(positions)
     for i, x in enumerate(positions):
         if not (positions[:i] == x).all(axis=1).any():

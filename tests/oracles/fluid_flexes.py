@@ -161,7 +161,7 @@ class Contact:
     def collide(
         self, origin: np.ndarray, target: np.ndarray, nearest: Nearest, pressure_push: float
     ):
-        """Where a particle gets (3,) on its way from `origin` to `target`."""
+        """Returns the end (3,) of a particle's path from `origin` to `target`."""
         move = np.linalg.norm(self._after - self._before, axis=2).max(axis=1)
         x, hardest, element, weights = target, 0.0, nearest.element, nearest.weights
         for _ in range(PUSHES):

@@ -20,7 +20,7 @@ def size_of(env):
 
 
 def everything(view, physics):
-    """What a view renders."""
+    """Renders a view."""
     return [view.rgb(physics), view.depth(physics), view.segmentation(physics)]
 
 

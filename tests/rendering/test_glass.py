@@ -25,7 +25,7 @@ def look(task, variation=803, **settings):
 
 
 def pixels(env):
-    """Where there is water if no wall hides it (height, width) bool."""
+    """Mask (height, width) bool of water without walls."""
     seen = CameraView("task", *SIZE, marks=False, glass=False).segmentation(env.physics)
     geoms = seen[..., 1] == GEOM
     return (seen[..., 1] >= 0) & ~geoms

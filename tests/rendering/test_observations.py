@@ -1,4 +1,4 @@
-"""What the task's camera observes, against the state it looks at."""
+"""Camera observations compared with the state."""
 
 import numpy as np
 import pytest
@@ -53,7 +53,7 @@ def test_cloud_points_lie_on_the_object(task, spacing):
     distance = np.linalg.norm(points[:, None] - env.task.points(), axis=2)
     # From a surface point to the nearest vertex: half a diagonal of the mesh, and its thickness.
     assert distance.min(axis=1).max() < 0.75 * spacing + 0.007
-    # Of a flat thing the cameras see all that no picker hides.
+    # The cameras see all of a flat object that no picker hides.
     if task == "fold_cloth":
         assert np.percentile(distance.min(axis=0), 95) < 0.025
 

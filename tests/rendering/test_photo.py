@@ -23,7 +23,7 @@ from softgym_mj.rendering.photo.materials import FINISHES, Clear, linear
 from softgym_mj.rendering.photo.scene import Scene
 from softgym_mj.rendering.textures import texture_of
 
-SIZE = 320  # Of silhouettes: a rope is some pixels wide.
+SIZE = 320  # Image size [pixels]: a rope is some pixels wide.
 # Tasks, and what of them is looked at: parts of names in the model.
 SEEN = {
     "fold_cloth": ("cloth/",),

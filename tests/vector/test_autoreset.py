@@ -1,4 +1,4 @@
-"""What follows the last step of an episode, against Gymnasium's own `SyncVectorEnv`."""
+"""Tests automatic resets against Gymnasium's own `SyncVectorEnv`."""
 
 import functools
 

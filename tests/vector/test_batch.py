@@ -56,7 +56,7 @@ def _actions(envs, number, seed=0):
 
 
 def _check(i, batch, alone):
-    """That row `i` of what a batch returns is what an environment returned."""
+    """Checks that row `i` of a batch's result equals the result of an environment."""
     observations, infos = batch
     observation, info = alone
     for name, array in observation.items():
@@ -324,7 +324,7 @@ def test_gymnasium_makes_it():
 
 
 def _twins(task, number=3, mode="NextStep", **settings):
-    """The same environments in NumPy's arrays and in PyTorch's tensors."""
+    """Two batches of the same environments, of NumPy arrays and of PyTorch tensors."""
     return [
         VectorEnv(
             BatchBackend(SoftGymEnv(task, **_settings(task, settings)), number, device),
@@ -336,7 +336,7 @@ def _twins(task, number=3, mode="NextStep", **settings):
 
 
 def _agree(arrays, tensors, where=slice(None)):
-    """That tensors are close to arrays, where these are meant."""
+    """Checks that tensors are close to arrays where these are defined."""
     for name, array in arrays.items():
         own = np.asarray(array)[where].astype(float)
         other = tensors[name].numpy()[where].astype(float)

@@ -49,7 +49,7 @@ def test_it_keeps_to_the_interface(device, task):
         observations, rewards, terminated, truncated, infos = envs.step(actions)
         assert observations in envs.observation_space
         np.testing.assert_array_equal(actions, asked)
-        for name, array in kept.items():  # What was returned stays as it was.
+        for name, array in kept.items():  # Returned arrays do not change.
             np.testing.assert_array_equal(first[name], array)
         assert rewards.shape == (NUMBER,) and rewards.dtype == np.float64
         for ends in (terminated, truncated):

@@ -32,7 +32,7 @@ def overlap(first, second):
 
 
 def _check(seen, alone, is_water):
-    """That images look like those of an environment."""
+    """Checks that images are close to those of an environment."""
     masks = [labels == OBJECT for labels in (seen["segmentation"], alone["segmentation"])]
     assert overlap(*masks) >= (0.9 if is_water else 0.97)
     others = [

@@ -109,7 +109,7 @@ def interrupt_at(line):
 
 
 def test_an_interrupt_at_any_line(pair):
-    """Of what `step` does in the main thread, the only one that signals are raised in."""
+    """Calls of `step` in the main thread, the only one in which signals are raised."""
     line, interrupted = 0, True
     while interrupted:
         line += 1
@@ -195,7 +195,7 @@ def test_lost_workers_stay_lost_and_nobody_else_complains(capfd):
 
 
 class Stuck(gymnasium.Env):
-    """Whose step takes an hour."""
+    """Environment whose step takes an hour."""
 
     observation_space = gymnasium.spaces.Box(-1, 1, (1,), np.float32)
     action_space = gymnasium.spaces.Box(-1, 1, (1,), np.float32)
@@ -263,7 +263,7 @@ def test_answers_that_cannot_leave_their_worker():
     with pytest.raises(SoftGymError, match=r"of 'call' cannot leave its worker: .*pickle"):
         envs.get_attr("_view")  # It has OpenGL's objects.
     with pytest.raises(Exception, match=r"pickle|local"):
-        envs.call("set_state", lambda: None)  # What cannot be sent is sent to nobody.
+        envs.call("set_state", lambda: None)  # It is sent to no worker.
     assert envs.get_attr("horizon") == (FOREVER,) * NUM_ENVS
     envs.close()
 

@@ -32,7 +32,7 @@ def joined(observation):
 
 @pytest.mark.parametrize("make", [ours, gymnasiums])
 def test_joined_in_order_they_are_the_same_numbers(make):
-    """Of reset, step, final observations and restored states, single and batched."""
+    """Observations of reset, step, final steps and restored states, single and batched."""
     single = SoftGymEnv("straighten_rope", **KWARGS)
     names = list(single.observation_space.spaces)
     assert names == sorted(KWARGS["observation"]) != KWARGS["observation"]

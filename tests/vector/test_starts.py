@@ -53,7 +53,7 @@ def test_few_environments_and_given_variations_read_what_they_play(monkeypatch):
 
 
 def test_ways_of_all_meshes_stay_where_they_are_found():
-    """Of several meshes, read singly and with room to spare, against those of each."""
+    """Path lengths of several meshes equal those of each mesh alone."""
     envs = softgym_mj.make_vec("fold_cloth", 5, device="host", split="train", fidelity="fast")
     envs.reset(options={"variation": [*range(5)]})
     physics = envs.backend._physics

@@ -29,7 +29,7 @@ def seen(file: pathlib.Path) -> bool:
 
 
 class Handshake(gymnasium.Env):
-    """Whose step says that it has begun, and ends when the caller has said the same."""
+    """Environment whose step signals its begin and waits for a signal of the caller."""
 
     observation_space = action_space = gymnasium.spaces.Box(-1, 1, (1,), np.float32)
 
@@ -113,7 +113,7 @@ def test_closed_meanwhile(tmp_path):
 
 
 class Interrupted(BaseException):
-    """As KeyboardInterrupt, which would end the tests if it came too late."""
+    """Stands for KeyboardInterrupt, which would end the tests if it came too late."""
 
 
 def interrupt(*_):

@@ -45,7 +45,7 @@ def test_two_names_make_the_same():
 
 
 def test_images_come_through_shared_memory():
-    """As they are in a single environment; also after this process has rendered."""
+    """Images equal those of a single environment, also after this process has rendered."""
     kwargs = {"observation": ["rgb", "reduced"], "image_size": (48, 64)}
     oracle = [SoftGymEnv("straighten_rope", **kwargs) for _ in range(NUM_ENVS)]
     # Renders here: forked processes could not.

@@ -1,4 +1,4 @@
-"""How worker processes start: without a fork of this process, and without its script."""
+"""Tests that workers start without a fork of this process and without its script."""
 
 import multiprocessing
 import os
@@ -42,7 +42,7 @@ def _forks():
 
 
 def test_a_process_with_threads_is_not_forked(forks, monkeypatch):
-    """As a second vector environment finds it, whose first one has a thread."""
+    """State of a process that already has a vector environment and its thread."""
     forks.clear()
     for value in ("first", "second"):  # A fork server has the variables of its own start.
         monkeypatch.setenv("CURIOUS", value)
