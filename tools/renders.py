@@ -1,7 +1,6 @@
-"""The photographs of the README and of docs/pictures.md, docs/renders: one of each material.
+"""Path-traced renders of README and docs/pictures.md, docs/renders: one per material.
 
-`python -m tools.renders` (`make renders`) writes them; minutes each. Names of photographs: only
-these.
+`python -m tools.renders` (`make renders`) writes them, minutes each; names select some of them.
 """
 
 import dataclasses
@@ -18,21 +17,21 @@ from softgym_mj.rendering import photo
 
 FOLDER = pathlib.Path(__file__).parent.parent / "docs" / "renders"
 SIZE = 512  # Side [pixels].
-QUALITY = 92  # Of the JPEGs: no blocks are seen.
+QUALITY = 92  # JPEG quality without visible blocks.
 
 
 @dataclasses.dataclass(frozen=True)
 class Still:
-    """What is photographed.
+    """State and camera of a render.
 
     Attributes:
-        task: its name.
-        step: env steps of the expert before.
-        middle: what the camera looks at [m].
-        azimuth, elevation: of the direction in which it looks [deg].
-        distance: from there [m].
-        samples: of a pixel.
-        settings: of the task.
+        task: name of the task.
+        step: number of env steps of the expert before the render.
+        middle: point that the camera looks at [m].
+        azimuth, elevation: view direction [deg].
+        distance: distance of the camera from that point [m].
+        samples: number of samples per pixel.
+        settings: arguments of the task.
     """
 
     task: str
@@ -46,7 +45,7 @@ class Still:
 
     @property
     def camera(self) -> mujoco.MjvCamera:
-        """The camera."""
+        """Free camera of MuJoCo with this view."""
         camera = mujoco.MjvCamera()
         camera.lookat[:], camera.distance = self.middle, self.distance
         camera.azimuth, camera.elevation = self.azimuth, self.elevation

@@ -1,9 +1,8 @@
-"""The moving pictures of README and docs, docs/videos: the scripted expert at each task.
+"""Videos of README and docs, docs/videos: the scripted expert at each task.
 
-`python -m tools.videos` (`make videos`) writes them; a quarter of an hour without a GPU. Names of
-tasks: only theirs. Names of policies in docs/results/policies, such as straighten_rope-sac: what
-was learned. Names of `ARMS`: the expert with an arm that uses its wrist. And `tasks.webp`:
-all tasks side by side, made of the others.
+`python -m tools.videos` (`make videos`) writes them, in 15 minutes without a GPU. Arguments select
+some: names of tasks, of policies in docs/results/policies such as straighten_rope-sac, or of `ARMS`
+(the expert with an arm that uses its wrist). `tasks.webp` shows all tasks side by side.
 """
 
 import pathlib
@@ -22,12 +21,12 @@ from softgym_mj.registry import TASKS
 DOCS = pathlib.Path(__file__).parent.parent / "docs"
 FOLDER, LEARNED = DOCS / "videos", DOCS / "results" / "policies"
 SIZE = 240  # Side [pixels].
-PASSES = 8  # Of which a picture is the mean: shadows are soft, edges smooth.
-QUALITY = 60  # Of WebP, 0..100.
-COLUMNS = 5  # Of the video of all tasks.
-HOLD = 1200  # Of the end, before it starts anew [ms].
-STILL = 0.3  # Mean difference of two pictures without motion [of 255].
-REST = 6  # Pictures kept after the last motion.
+PASSES = 8  # Number of images averaged: soft shadows, smooth edges.
+QUALITY = 60  # WebP quality, 0..100.
+COLUMNS = 5  # Columns of the video of all tasks.
+HOLD = 1200  # Duration of the last image [ms].
+STILL = 0.3  # Mean difference of two images without motion [of 255].
+REST = 6  # Images kept after the last motion.
 # Arguments of videos of arms that turn what they hold.
 ARMS: dict[str, dict[str, str]] = {
     "fold_cloth-tilted": {"actor": "franka", "action": "pose"},
@@ -42,19 +41,19 @@ VARIATIONS = {
 
 
 def names_of_all() -> list[str]:
-    """Of videos: tasks, arms that use their wrists, and policies that were learned."""
+    """Names of all videos: tasks, arms that use their wrists, and learned policies."""
     return [*TASKS, *ARMS, *sorted(file.stem for file in LEARNED.glob("*.pt2"))]
 
 
 def until_rest(frames: np.ndarray) -> np.ndarray:
-    """The pictures (n, ...) without those at the end in which nothing moves any more."""
+    """Returns the images (n, ...) up to `REST` after the last motion."""
     differences = np.abs(frames.astype(np.int16) - frames[-1]).mean(axis=(1, 2, 3))
     (moving,) = np.nonzero(differences > STILL)
     return frames[: moving.max(initial=0) + 1 + REST]
 
 
 def write_video(frames: Sequence[np.ndarray], milliseconds: int, file: pathlib.Path) -> None:
-    """Writes pictures as a moving WebP, which holds the last one."""
+    """Writes images as an animated WebP that holds the last one."""
     pictures = [Image.fromarray(frame) for frame in frames]
     durations = [milliseconds] * (len(pictures) - 1) + [HOLD]
     file.parent.mkdir(parents=True, exist_ok=True)
@@ -65,7 +64,7 @@ def write_video(frames: Sequence[np.ndarray], milliseconds: int, file: pathlib.P
 
 
 def all_tasks(folder: pathlib.Path) -> tuple[list[np.ndarray], int]:
-    """Films side by side, as pictures and milliseconds each; those that have ended stand still."""
+    """Returns the images of all tasks side by side and their duration [ms]; finished ones hold."""
     videos, duration = [], 0
     for name in TASKS:
         with Image.open(folder / f"{name}.webp") as video:
@@ -84,12 +83,12 @@ def all_tasks(folder: pathlib.Path) -> tuple[list[np.ndarray], int]:
 
 
 def is_learned(name: str) -> bool:
-    """Whether a video shows a policy that was learned."""
+    """Whether a video shows a learned policy."""
     return name not in TASKS and name not in ARMS
 
 
 def seen_by(name: str) -> dict[str, Any]:
-    """Arguments of the task of a video: what the policy observes; images as it has seen them."""
+    """Arguments of a video's task: the policy's observation, and the look it was trained with."""
     if not is_learned(name):
         return {"observation": "reduced", "look": "paper"}
     observed = observes(str(LEARNED / f"{name}.pt2"))
