@@ -99,13 +99,13 @@ class Algorithm(Protocol):
         """Makes one update from a batch; returns losses (seeds,) by name."""
 
     def policy(self, seed: int) -> nn.Module:
-        """As of `Learner`."""
+        """Returns the policy of the seed at an index."""
 
     def get_state(self) -> dict[str, Any]:
-        """As of `Learner`."""
+        """Returns the state from which `set_state` continues exactly."""
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """As of `Learner`."""
+        """Restores a state of `get_state`."""
 
 
 class OffPolicy:
@@ -160,7 +160,7 @@ class OffPolicy:
     def act(
         self, observation: Tensor, first: Tensor, memory: Any, *, explore: bool
     ) -> tuple[Tensor, Any]:
-        """See `Learner`."""
+        """Returns actions and memory, as `Learner.act` does."""
         if not explore:
             return self._best(observation), None
         if self._seen < self._settings.random_steps:
@@ -178,7 +178,7 @@ class OffPolicy:
         return torch.where((first | ends)[..., None], fresh, before)
 
     def learn(self, step: Step) -> dict[str, Tensor]:
-        """See `Learner`."""
+        """Adds a vector step and updates the networks; returns losses (seeds,) by name."""
         self.replay.add(step)
         learns = self._seen >= self._settings.random_steps
         self._seen += self._problem.num_envs
@@ -202,7 +202,7 @@ class OffPolicy:
         return result
 
     def policy(self, seed: int) -> nn.Module:
-        """See `Learner`."""
+        """Returns the policy of the seed at an index."""
         policy = self.algorithm.policy(seed)
         return (
             SymmetrizedPolicy(policy, self._symmetries, "cpu")
@@ -211,7 +211,7 @@ class OffPolicy:
         )
 
     def get_state(self) -> dict[str, Any]:
-        """See `Learner`."""
+        """Returns the state from which `set_state` continues exactly."""
         return {
             "algorithm": self.algorithm.get_state(),
             "replay": self.replay.get_state(),
@@ -220,7 +220,7 @@ class OffPolicy:
         }
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """See `Learner`."""
+        """Restores a state of `get_state`."""
         self.algorithm.set_state(state["algorithm"])
         self.replay.set_state(state["replay"])
         for source, saved in zip(self._noise, state["noise"], strict=True):

@@ -126,12 +126,12 @@ class BC:
     def act(
         self, observation: Tensor, first: Tensor, memory: Any, *, explore: bool
     ) -> tuple[Tensor, Any]:
-        """See `Learner`."""
+        """Returns actions and memory, as `Learner.act` does."""
         with torch.no_grad():
             return self.actor.mean(observation), None
 
     def update_offline(self) -> dict[str, Tensor]:
-        """See `Offline`."""
+        """Makes one update; returns losses (seeds,) by name."""
         self.updates += 1
         return self._repeated()
 
@@ -145,11 +145,11 @@ class BC:
         return {"loss": loss.detach()}
 
     def policy(self, seed: int) -> nn.Module:
-        """See `Learner`."""
+        """Returns the policy of the seed at an index."""
         return DeterministicPolicy(self.actor, seed)
 
     def get_state(self) -> dict[str, Any]:
-        """See `Learner`; demonstrations are in the cache."""
+        """Returns the state for `set_state`, without demonstrations, which are in the cache."""
         state = {
             "actor": self.actor.state_dict(),
             "adam": self._adam.state_dict(),
@@ -159,7 +159,7 @@ class BC:
         return copy.deepcopy(state)  # Training changes the arrays in place.
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """See `Learner`."""
+        """Restores a state of `get_state`."""
         self.actor.load_state_dict(state["actor"])
         self._adam.load_state_dict(copy.deepcopy(state["adam"]))
         for source, saved in zip(self._replay.sources, state["random"], strict=True):

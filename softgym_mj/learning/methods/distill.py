@@ -1,4 +1,4 @@
-"""Distillation: a policy that sees images imitates one that sees the state, of several seeds.
+"""Distillation: an image policy imitates a state policy, for several seeds.
 
 DAgger (Ross et al., 2011): the student acts, the teacher labels what the student meets, and the
 student is fitted to the labels of the newest env steps.
@@ -32,7 +32,7 @@ Observation = Mapping[str, Tensor]
 @typed
 @dataclasses.dataclass(frozen=True)
 class StudentSettings:
-    """How a student learns.
+    """Settings of a student.
 
     Attributes:
         privileged: name of the observation that the teacher takes, such as "markov".
@@ -89,7 +89,7 @@ class StudentSettings:
 @typed
 @dataclasses.dataclass(frozen=True)
 class DistillSettings(StudentSettings):
-    """How a student learns, and from whom.
+    """Settings of distillation.
 
     Attributes:
         teacher: file of the teacher, a policy that `torch.export.save` wrote.

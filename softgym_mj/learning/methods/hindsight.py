@@ -164,7 +164,7 @@ class HindsightSAC(SAC):
         return super().act(reduced(self._goals, observation), explore=explore)
 
     def policy(self, seed: int) -> nn.Module:
-        """See `Learner`."""
+        """Returns the policy of the seed at an index."""
         return nn.Sequential(_Reduced(self._goals), super().policy(seed))
 
 

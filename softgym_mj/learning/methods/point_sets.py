@@ -148,7 +148,7 @@ class PointCritics(Critics):
         self.encoder = encoder
 
     def forward(self, observation: Tensor, action: Tensor) -> Tensor:
-        """See `Critics`."""
+        """Returns action values (number, seeds, n)."""
         return super().forward(self.encoder(observation), action)
 
 

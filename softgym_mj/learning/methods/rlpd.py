@@ -112,7 +112,7 @@ class RLPD(SAC):
 
     @property
     def number_of_critics(self) -> int:
-        """See `SAC`."""
+        """Number of critics of each seed."""
         return self.settings.critics
 
     def _noise(self, *shape: int) -> Tensor:

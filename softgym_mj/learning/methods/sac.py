@@ -164,7 +164,7 @@ class SAC:
         )
 
     def begin(self, sample: Callable[[int], Batch]) -> None:
-        """See `Algorithm`."""
+        """Prepares for the first update; `sample(n)` returns a batch of n env steps."""
         if getattr(self.settings, "normalize_observations", False):
             observation = sample(STANDARD_SAMPLE).observation
             for network in (self.actor, self.targets):  # Critics share the actor's normalization.
@@ -256,7 +256,7 @@ class SAC:
         polyak_update(self.targets, self.critics, self.settings.tau)
 
     def policy(self, seed: int) -> nn.Module:
-        """See `Learner`."""
+        """Returns the policy of the seed at an index."""
         return DeterministicPolicy(self.actor, seed)
 
     # ------------------------------------------------------------------ state

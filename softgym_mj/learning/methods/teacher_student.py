@@ -22,7 +22,7 @@ from softgym_mj.validation import typed
 @typed
 @dataclasses.dataclass(frozen=True)
 class TeacherStudentSettings(StudentSettings):
-    """How the student learns, and who its teacher is.
+    """Settings of teacher and student.
 
     Attributes:
         teacher_method: name of the method by which the teacher learns.

@@ -1,8 +1,8 @@
-"""World models with latents (recurrent state-space models: Hafner et al., 2019) of several seeds.
+"""World models (recurrent state-space models, Hafner et al., 2019) of several seeds.
 
-Layers are those of SoftGym's authors (softagent's `planet/models.py`), with PyTorch's own first
-weights. They are written here as torchrl's RSSM modules hold one seed, have ELU for ReLU and bound
-deviations where the authors add to them.
+Layers are those of SoftGym's authors (softagent's `planet/models.py`), with PyTorch's default
+initialization. torchrl's RSSM modules support a single seed, use ELU instead of ReLU, and clamp
+standard deviations where the authors add a minimum.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -15,28 +15,28 @@ from torch.nn import functional
 from softgym_mj.learning.methods.planet.layers import GRU, Decoder, Dense, Encoder, dense_layers
 from softgym_mj.learning.networks import drawn
 
-_LEAST = 0.1  # Deviation of a latent (authors' code).
+_LEAST = 0.1  # Minimum standard deviation of a latent (authors' code).
 
 
 class Gaussian(NamedTuple):
-    """Independent normal numbers (..., latent)."""
+    """Diagonal Gaussian distribution (..., latent)."""
 
     mean: Tensor
     deviation: Tensor
 
     def sample(self, noise: Tensor) -> Tensor:
-        """Returns those that standard normal ones become."""
+        """Returns a sample, from standard normal noise."""
         return self.mean + self.deviation * noise
 
     def divergence(self, other: "Gaussian") -> Tensor:
-        """Kullback and Leibler's, of this from the other (...) [nats]."""
+        """Returns the KL divergence from the other distribution (...) [nats]."""
         ratio = (self.deviation / other.deviation) ** 2
         distance = ((self.mean - other.mean) / other.deviation) ** 2
         return 0.5 * (ratio + distance - 1.0 - ratio.log()).sum(-1)
 
 
 class Path(NamedTuple):
-    """What a stretch of env steps led to (seeds, n, steps, ...)."""
+    """States of a sequence of env steps (seeds, n, steps, ...)."""
 
     belief: Tensor
     latent: Tensor
@@ -45,13 +45,13 @@ class Path(NamedTuple):
 
 
 class WorldModel(nn.Module):
-    """Predicts images and rewards from actions; all arrays begin (seeds, n).
+    """World model that predicts images and rewards from actions; arrays begin with (seeds, n).
 
-    A state is a belief, which follows from the past, and a latent, which is drawn.
+    A state consists of a deterministic belief and a stochastic latent.
 
     Attributes:
-        encoder, decoder: of images.
-        action, belief, latent: sizes.
+        encoder, decoder: Encoder and decoder of images.
+        action, belief, latent: Sizes.
     """
 
     def __init__(
@@ -69,14 +69,14 @@ class WorldModel(nn.Module):
         """Draws the weights.
 
         Args:
-            sources: of random numbers, one a seed.
-            image_size: height and width [pixels].
-            action, belief, latent, hidden: sizes, the last of hidden layers.
-            channels: of the encoder's last layer.
-            kind: precision of convolutions; weights and all else are float32.
+            sources: Random generators, one per seed.
+            image_size: Height and width of images [pixels].
+            action, belief, latent, hidden: Sizes of action, belief, latent and hidden layers.
+            channels: Channels of the encoder's last layer.
+            kind: Data type of convolutions; all else is float32.
 
         Raises:
-            InvalidArgumentError: for images that layers do not halve down to 2 x 2.
+            InvalidArgumentError: for image sizes that are no power of two.
         """
         super().__init__()
         features, embedding = belief + latent, 4 * channels
@@ -91,12 +91,12 @@ class WorldModel(nn.Module):
         self._one_step, self._one_guess = self._step, self._guess
 
     def fuse(self) -> None:
-        """Compiles what is done again and again in time, in updates and in plans."""
+        """Compiles the time steps of updates and plans."""
         self._one_step = torch.compile(self._step, dynamic=False)
         self._one_guess = torch.compile(self._guess)
 
     def nothing(self, number: int) -> tuple[Tensor, Tensor]:
-        """Belief and latent (seeds, number, ...) before anything is seen."""
+        """Returns the initial belief and latent (seeds, number, ...)."""
         zeros = self._join.weight.new_zeros(len(self._join.weight), number, 1)
         return zeros.expand(-1, -1, self.belief), zeros.expand(-1, -1, self.latent)
 
@@ -106,33 +106,33 @@ class WorldModel(nn.Module):
         return self._cell(functional.relu(joined), belief)
 
     def prior(self, belief: Tensor) -> Gaussian:
-        """Returns the latent that is expected."""
+        """Returns the prior distribution of the latent."""
         return _gaussian(self._prior(belief))
 
     def posterior(self, belief: Tensor, embedding: Tensor) -> Gaussian:
-        """Returns the latent of what is seen, by the encoder."""
+        """Returns the posterior distribution of the latent, given the encoded image."""
         return _gaussian(self._posterior(torch.cat([belief, embedding], dim=-1)))
 
     def reward(self, belief: Tensor, latent: Tensor) -> Tensor:
-        """Of the step that led to the state (seeds, n)."""
+        """Returns the predicted reward (seeds, n) of the step to the state."""
         return self._reward(torch.cat([belief, latent], dim=-1))[..., 0]
 
     def image(self, belief: Tensor, latent: Tensor) -> Tensor:
-        """What is seen in the state (seeds, n, size, size, 3), in -0.5..0.5."""
+        """Returns the predicted image (seeds, n, size, size, 3), in -0.5..0.5."""
         return self.decoder(torch.cat([belief, latent], dim=-1))
 
     def observe(self, image: Tensor, action: Tensor, ended: Tensor, noise: Tensor) -> Path:
-        """Follows stretches of env steps by what is seen.
+        """Returns the posterior states of sequences of env steps.
 
-        The state before a stretch is zero; so is that before each episode which begins in it.
+        The state is zero before a sequence and before each episode that starts within it.
 
         Args:
-            image: after each step (seeds, n, steps, size, size, 3), in -0.5..0.5.
-            action: of each step (seeds, n, steps, action).
-            ended: whether another episode follows (seeds, n, steps).
-            noise: of the latents (seeds, n, steps, latent).
+            image: Images after each step (seeds, n, steps, size, size, 3), in -0.5..0.5.
+            action: Actions (seeds, n, steps, action).
+            ended: Whether another episode follows (seeds, n, steps).
+            noise: Noise of latents (seeds, n, steps, latent).
         """
-        # All that does not depend on the step before is done for all steps at once.
+        # Parts that do not depend on the previous step are computed for all steps at once.
         embedding = self.encoder(image.flatten(1, 2))
         first = self._posterior[0]
         action_part = action.flatten(1, 2) @ self._join.weight[:, self.latent :] + self._join.bias
@@ -141,7 +141,7 @@ class WorldModel(nn.Module):
         action_part, seen = action_part.unflatten(1, lead), seen.unflatten(1, lead)
         going = torch.cat([torch.zeros_like(ended[:, :, :1]), ended[:, :, :-1]], 2).logical_not()
         going = going[..., None].float()
-        # They need a gradient as later ones do, so that one program serves all steps.
+        # Initial states require gradients as later ones do, so that one compiled function fits all.
         belief, latent = (
             zeros.contiguous().requires_grad_(torch.is_grad_enabled())
             for zeros in self.nothing(lead[0])
@@ -167,10 +167,10 @@ class WorldModel(nn.Module):
         """Returns belief, latent, and mean and deviation of the latent, after an env step.
 
         Args:
-            belief, latent: before.
+            belief, latent: State before the step.
             action_part, seen: Shares of action and image in the first layers (seeds, n, ...).
-            noise: of the latent.
-            going: 0 where an episode begins, else 1 (seeds, n, 1).
+            noise: Noise of the latent.
+            going: 0 at the start of an episode, otherwise 1 (seeds, n, 1).
         """
         joined = torch.bmm(going * latent, self._join.weight[:, : self.latent]) + action_part
         belief = self._cell(functional.relu(joined), going * belief)
@@ -188,12 +188,12 @@ class WorldModel(nn.Module):
         actions: Iterable[Tensor],
         sources: Sequence[torch.Generator] | None = None,
     ) -> Iterator[tuple[Tensor, Tensor]]:
-        """Yields belief and latent after each action (seeds, n, action), without seeing anything.
+        """Yields the predicted belief and latent after each action (seeds, n, action).
 
         Args:
-            belief, latent: (seeds, n, ...) before.
-            actions: one after the other.
-            sources: of latents; None for their means.
+            belief, latent: Initial state (seeds, n, ...).
+            actions: Actions in order.
+            sources: Random generators of latents; None for their means.
         """
         for action in actions:
             belief = self.advance(belief, latent, action)
@@ -204,12 +204,12 @@ class WorldModel(nn.Module):
     def guess(
         self, belief: Tensor, latent: Tensor, action: Tensor, noise: Tensor
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """Returns belief, latent and reward (seeds, n) after an action, without seeing anything.
+        """Returns the predicted belief, latent and reward (seeds, n) after an action.
 
         Args:
-            belief, latent: (seeds, n, ...) before.
-            action: (seeds, n, action).
-            noise: of the latent (seeds, n, latent).
+            belief, latent: State before the action (seeds, n, ...).
+            action: Actions (seeds, n, action).
+            noise: Noise of the latent (seeds, n, latent).
         """
         return self._one_guess(belief, latent, action, noise)
 
@@ -222,12 +222,12 @@ class WorldModel(nn.Module):
 
 
 def centered(frames: Tensor, bits: int, shares: Tensor | float = 0.5) -> Tensor:
-    """Frames (uint8) in steps of so many bits, in -0.5..0.5 (Kingma and Dhariwal, 2018).
+    """Quantizes frames (uint8) to `bits` and scales them to -0.5..0.5 (Kingma and Dhariwal, 2018).
 
     Args:
-        frames: of any shape.
-        bits: 1..8.
-        shares: where in its step each number lies, in 0..1, so that no step is sharp.
+        frames: Frames of any shape.
+        bits: Number of bits, 1..8.
+        shares: Position of each number within its quantization step, 0..1 (dithering).
     """
     step = 2.0 ** (8 - bits)
     return ((frames.float() / step).floor() + shares) / 2.0**bits - 0.5

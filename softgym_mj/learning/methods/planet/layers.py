@@ -1,4 +1,4 @@
-"""Layers of world models of several seeds, with PyTorch's own first weights.
+"""Layers of world models of several seeds, with PyTorch's default initialization.
 
 They are those of SoftGym's authors (softagent's `planet/models.py`).
 """
@@ -14,11 +14,11 @@ from torch.nn import functional
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.networks import Linear, drawn
 
-_SMALLEST = 16  # Image [pixels]: two layers leave 2 x 2.
+_SMALLEST = 16  # Minimum image side [pixels].
 
 
 class Dense(Linear):
-    """Layers of all seeds, with PyTorch's first weights."""
+    """Linear layer of each seed, with PyTorch's default initialization."""
 
     def __init__(
         self, sources: Sequence[torch.Generator], inputs: int, outputs: int, fan_in: int = 0
@@ -29,7 +29,7 @@ class Dense(Linear):
 
 
 class GRU(nn.Module):
-    """A gated recurrent unit, by PyTorch's equations."""
+    """Gated recurrent unit of each seed, with PyTorch's equations."""
 
     def __init__(self, sources: Sequence[torch.Generator], inputs: int, size: int):
         super().__init__()
@@ -45,7 +45,7 @@ class GRU(nn.Module):
 
 
 class Convolution(nn.Module):
-    """Convolutions of stride 2, dense ones of each seed: as groups of one they take longer."""
+    """Convolution of stride 2 of each seed; one grouped convolution would be slower."""
 
     def __init__(
         self,
@@ -58,18 +58,18 @@ class Convolution(nn.Module):
     ):
         super().__init__()
         sizes = (inputs, outputs) if transposed else (outputs, inputs)
-        fan_in = sizes[1] * kernel**2  # PyTorch's, of transposed ones, too.
+        fan_in = sizes[1] * kernel**2  # As in PyTorch, also for transposed convolutions.
         self.weight = _uniform(sources, fan_in, *sizes, kernel, kernel)
         self.bias = _uniform(sources, fan_in, outputs)
         self._turned = functional.conv_transpose2d if transposed else functional.conv2d
 
     def forward(self, x: Tensor, seed: int) -> Tensor:
-        """Convolves images (n, inputs, h, w) of the seed at a place, in their own precision."""
+        """Convolves images (n, inputs, h, w) with the weights of a seed, in their data type."""
         return self._turned(x, self.weight[seed].to(x.dtype), self.bias[seed].to(x.dtype), stride=2)
 
 
 class Encoder(nn.Module):
-    """Convolutions of kernel 4 down to 2 x 2, each with twice the channels of the one before."""
+    """Convolutions of kernel 4 down to 2 x 2; each doubles the channels."""
 
     def __init__(
         self,
@@ -109,7 +109,7 @@ class Decoder(nn.Module):
         channels: int,
         kind: torch.dtype = torch.float32,
     ):
-        """Draws the weights; `kind` as of `Encoder`."""
+        """Draws the weights; `kind` is the data type of convolutions."""
         super().__init__()
         number = _depth(image_size)
         sizes = [embedding, *(channels >> k for k in range(1, number)), 3]
@@ -134,18 +134,18 @@ class Decoder(nn.Module):
 
 
 def _depth(image_size: int) -> int:
-    """How many layers halve an image down to 2 x 2."""
+    """Returns the number of layers that halve an image down to 2 x 2."""
     if image_size < _SMALLEST or image_size & (image_size - 1):
         raise InvalidArgumentError("image_size", image_size, "16, 32, 64, 128, ... pixels")
     return image_size.bit_length() - 3
 
 
 def _uniform(sources: Sequence[torch.Generator], fan_in: int, *shape: int) -> nn.Parameter:
-    """First weights (seeds, *shape), as PyTorch draws them."""
+    """Returns initial weights (seeds, *shape), drawn as in PyTorch."""
     return nn.Parameter((2.0 * drawn(sources, *shape, normal=False) - 1.0) / math.sqrt(fan_in))
 
 
 def dense_layers(sources: Sequence[torch.Generator], *sizes: int) -> nn.Sequential:
-    """Dense ones with ReLU between them."""
+    """Returns linear layers with ReLU between them."""
     result = [(Dense(sources, *pair), nn.ReLU()) for pair in itertools.pairwise(sizes)]
     return nn.Sequential(*itertools.chain(*result))[:-1]

@@ -1,10 +1,9 @@
-"""PlaNet (Hafner et al., 2019): plans in the latents of a world model of images, of several seeds.
+"""PlaNet (Hafner et al., 2019) for several seeds: planning in latents of a world model of images.
 
-By SoftGym's authors' code (softagent's `planet/`), with their weights of losses, noises and
-planner. Two things are as they must be here: actions are clipped before they are kept, as
-environments clip or refuse them; and a stretch that goes on in another episode begins anew there,
-where the authors only set the latent to zero. torchrl's `CEMPlanner` clips all candidates, and its
-`DreamerModelLoss` mixes seeds.
+Loss weights, noise and planner are those of SoftGym's authors (softagent's `planet/`), with two
+differences: actions are clipped before they are stored, as environments clip them, and belief and
+latent are reset where a sequence crosses the end of an episode (there: the latent only). torchrl's
+`CEMPlanner` clips all candidates, and its `DreamerModelLoss` averages over seeds.
 """
 
 import copy
@@ -28,31 +27,31 @@ from softgym_mj.validation import typed
 @typed
 @dataclasses.dataclass(frozen=True)
 class PlaNetSettings:
-    """How it learns and plans; the defaults are the paper's.
+    """Settings of PlaNet; the defaults are the paper's.
 
     Attributes:
-        random_steps: env steps of each seed that are random, before it learns.
-        updates: for each step of all environments.
-        batch: stretches of an update, of each seed.
-        length: frames of a stretch.
-        replay: env steps of each seed that are kept.
-        bits: of each color of a pixel, of the eight that there are.
-        noise: deviation of what is added to actions that are learned from.
-        evaluation_noise: the same, of those that are evaluated.
-        belief, latent, hidden: sizes, the last of hidden layers.
-        channels: of the encoder's last layer.
-        free_nats: divergences of latents below this cost as much as this.
-        rate, epsilon: of Adam.
-        gradient_norm: largest of all weights of a seed together.
-        horizon: env steps of a plan.
-        iterations: how often the plans' distribution is fitted.
-        candidates, elites: plans of an iteration, and those of them that it is fitted to.
-        bfloat16: whether convolutions and plans calculate in bfloat16, with weights of 32 bits.
-        fused: whether, on a GPU, what is done in each step of time is compiled (`torch.compile`,
-            which takes about a minute at first).
+        random_steps: Env steps of each seed with random actions before learning starts.
+        updates: Updates per vector step.
+        batch: Sequences of each seed in an update.
+        length: Frames in a sequence.
+        replay: Capacity of the replay buffer in env steps of each seed.
+        bits: Bits of each color channel, at most 8.
+        noise: Standard deviation of the noise on training actions.
+        evaluation_noise: Standard deviation of the noise on evaluation actions.
+        belief, latent, hidden: Sizes of belief, latent and hidden layers.
+        channels: Channels of the encoder's last layer.
+        free_nats: Minimum of the KL divergence in the loss.
+        rate, epsilon: Learning rate and epsilon of Adam.
+        gradient_norm: Maximum gradient norm of a seed.
+        horizon: Planning horizon in env steps.
+        iterations: Number of times that the distribution of plans is fitted.
+        candidates, elites: Plans in an iteration, and those that the distribution is fitted to.
+        bfloat16: Whether convolutions and plans compute in bfloat16 with 32-bit weights.
+        fused: Whether, on a GPU, time steps are compiled to fused kernels (`torch.compile`, which
+            takes about a minute at first).
 
     Raises:
-        InvalidArgumentError: for numbers out of range.
+        InvalidArgumentError: for a value out of range.
     """
 
     random_steps: int = 450
@@ -93,7 +92,7 @@ class PlaNetSettings:
 
 
 class Memory(NamedTuple):
-    """Belief about the environments (seeds, n, ...), and an evaluation's random numbers."""
+    """Belief and latent of environments (seeds, n, ...), and random generators of evaluations."""
 
     sources: list[torch.Generator] | None
     belief: Tensor
@@ -104,14 +103,14 @@ class Memory(NamedTuple):
 def losses(
     model: WorldModel, step: Step, image: Tensor, noise: Tensor, free_nats: float
 ) -> dict[str, Tensor]:
-    """Of each seed (seeds,), by name; the model follows their sum.
+    """Returns the losses (seeds,) by name, whose sum is minimized.
 
     Args:
-        model: what is learned.
-        step: stretches (seeds, n, steps, ...).
-        image: after each step (seeds, n, steps, size, size, 3), in -0.5..0.5.
-        noise: of the latents (seeds, n, steps, latent).
-        free_nats: as of `PlaNetSettings`.
+        model: The world model.
+        step: Sequences (seeds, n, steps, ...).
+        image: Images after each step (seeds, n, steps, size, size, 3), in -0.5..0.5.
+        noise: Noise of latents (seeds, n, steps, latent).
+        free_nats: Setting of `PlaNetSettings`.
     """
     path = model.observe(image, step.action, step.ended, noise)
     belief, latent = path.belief.flatten(1, 2), path.latent.flatten(1, 2)
@@ -132,16 +131,15 @@ def plan(
     sources: Sequence[torch.Generator],
     settings: PlaNetSettings,
 ) -> Tensor:
-    """First actions (seeds, n, action) of plans with high sums of rewards, not clipped.
+    """Plans by the cross-entropy method; returns the first actions (seeds, n, action), not clipped.
 
-    The cross-entropy method, from standard normal numbers at each decision; actions are the means
-    of the last distribution.
+    The initial distribution is standard normal; actions are the means of the last distribution.
 
     Args:
-        model: what predicts rewards.
-        belief, latent: where plans begin (seeds, n, ...).
-        sources: of random numbers.
-        settings: of the planner.
+        model: World model that predicts rewards.
+        belief, latent: Initial state (seeds, n, ...).
+        sources: Random generators.
+        settings: Settings of the planner.
     """
     number, own = belief.shape[1], settings
     belief, latent = (x.repeat_interleave(own.candidates, dim=1) for x in (belief, latent))
@@ -160,21 +158,21 @@ def plan(
 
 
 class PlaNet:
-    """A `Learner`, with the memory of a world model.
+    """PlaNet `Learner`, whose memory is the state of a world model.
 
     Attributes:
-        settings, problem: how, and what.
-        model: of the world.
-        replay: what it learns from.
-        updates: as of `Learner`.
+        settings, problem: Settings of PlaNet, and the learning problem.
+        model: The world model.
+        replay: The replay buffer.
+        updates: Number of updates so far.
     """
 
     def __init__(self, settings: PlaNetSettings, problem: Problem):
-        """Draws the networks and makes room for the replay.
+        """Draws the networks and allocates the replay buffer.
 
         Raises:
-            InvalidArgumentError: without square images of a power of two, or for too small a
-                replay or too few channels.
+            InvalidArgumentError: unless images are square with a power of two; for too small a
+                buffer or too few channels.
         """
         self.settings, self.problem, self.updates = settings, problem, 0
         if len(problem.observation) != 3 or problem.observation[0] != problem.observation[1]:
@@ -206,7 +204,7 @@ class PlaNet:
     def act(
         self, observation: Tensor, first: Tensor, memory: Memory | None, *, explore: bool
     ) -> tuple[Tensor, Memory]:
-        """See `Learner`; evaluations have random numbers of their own, always the same."""
+        """Returns actions and memory; evaluations always use the same random numbers."""
         own, model, number = self.settings, self.model, observation.shape[1]
         if memory is None:
             own_sources = None if explore else generators(self.problem.seeds, self.problem.device)
@@ -232,7 +230,7 @@ class PlaNet:
         return action, Memory(own_sources, belief, latent, action)
 
     def policy(self, seed: int) -> nn.Module:
-        """See `Learner`.
+        """Returns the policy of the seed at an index.
 
         Raises:
             InvalidArgumentError: always.
@@ -243,7 +241,7 @@ class PlaNet:
     # ------------------------------------------------------------------ learning
 
     def learn(self, step: Step) -> dict[str, Tensor]:
-        """See `Learner`."""
+        """Adds a vector step and updates the networks; returns losses (seeds,) by name."""
         own = self.settings
         self.replay.add(step)
         learns = self._seen >= own.random_steps and self.replay.size >= own.length - 1
@@ -256,9 +254,9 @@ class PlaNet:
         return result
 
     def _update(self) -> dict[str, Tensor]:
-        """One update."""
+        """Makes one update; returns losses (seeds,) by name."""
         own = self.settings
-        # As many frames as the authors', whose first one has no part in losses.
+        # The authors' sequences have the same number of frames, the first one without loss.
         step = self.replay.slices(own.batch, own.length - 1)
         frames = step.next_observation
         image = centered(frames, own.bits, drawn(self._sources, *frames.shape[1:], normal=False))
@@ -273,7 +271,7 @@ class PlaNet:
     # ------------------------------------------------------------------ state
 
     def get_state(self) -> dict[str, Any]:
-        """See `Learner`."""
+        """Returns the state from which `set_state` continues exactly."""
         return {
             "model": copy.deepcopy(self.model.state_dict()),
             "adam": copy.deepcopy(self._adam.state_dict()),
@@ -284,7 +282,7 @@ class PlaNet:
         }
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """See `Learner`."""
+        """Restores a state of `get_state`."""
         self.model.load_state_dict(state["model"])
         self._adam.load_state_dict(copy.deepcopy(state["adam"]))
         for source, saved in zip(self._sources, state["random"], strict=True):

@@ -1,4 +1,4 @@
-"""Open-loop predictions of a world model: it sees some frames, and then only hears of actions."""
+"""Open-loop predictions of a world model, from some frames and the following actions."""
 
 import dataclasses
 import io
@@ -29,7 +29,7 @@ _DPI, _INCHES = 150, 1.5  # Dots per inch; height and width of a picture.
 
 @dataclasses.dataclass(frozen=True)
 class Prediction:
-    """What was seen and what was predicted, (seeds, n, steps, ...) each.
+    """Observed and predicted frames, with arrays (seeds, n, steps, ...).
 
     The first is the last frame of the context, as the model has seen it; all others are predicted.
 
@@ -76,14 +76,14 @@ def predict(learner: PlaNet, frames: Tensor, actions: Tensor, context: int = CON
 
 
 def psnr(frames: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Peak signal-to-noise ratios (...) [dB] of images (..., h, w, 3) uint8; equal ones: inf."""
+    """Returns peak signal-to-noise ratios (...) [dB] of images (..., h, w, 3) uint8."""
     error = np.mean((frames.astype(float) - others) ** 2, axis=(-3, -2, -1))
     with np.errstate(divide="ignore"):
         return 10.0 * np.log10(255.0**2 / error)
 
 
 def overlap(frames: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Intersection over union (...) of what is colorful in images (..., h, w, 3) uint8."""
+    """Returns the intersection over union (...) of colored pixels of images (..., h, w, 3) uint8."""
     first, second = (np.ptp(each.astype(int), axis=-1) >= _COLORFUL for each in (frames, others))
     both, either = ((first & second).sum((-2, -1)), (first | second).sum((-2, -1)))
     return np.where(either > 0, both / np.maximum(either, 1), 1.0)
@@ -120,7 +120,7 @@ def record(
 
 
 def draw(prediction: Prediction, file: pathlib.Path, seed: int = 0, episode: int = 0) -> None:
-    """Writes a PNG: frames of an episode above those predicted, and curves of all episodes.
+    """Writes a PNG file with observed and predicted frames, and curves of all episodes.
 
     Args:
         prediction: what is drawn.

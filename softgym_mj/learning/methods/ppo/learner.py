@@ -239,7 +239,7 @@ class PPO:
         return loss, {name: each.detach() for name, each in result.items()}
 
     def policy(self, seed: int) -> nn.Module:
-        """See `Learner`."""
+        """Returns the policy of the seed at an index."""
         return _Mean(self.policies, seed)
 
     # ------------------------------------------------------------------ state

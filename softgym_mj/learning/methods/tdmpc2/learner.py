@@ -127,7 +127,7 @@ class TDMPC2:
     # ------------------------------------------------------------------ learning
 
     def learn(self, step: Step) -> dict[str, Tensor]:
-        """See `Learner`."""
+        """Adds a vector step and updates the networks; returns losses (seeds,) by name."""
         settings = self.settings
         self.replay.add(step)
         learns = self._seen >= settings.random_steps and self.replay.size >= settings.horizon
@@ -192,7 +192,7 @@ class TDMPC2:
     # ------------------------------------------------------------------ state
 
     def get_state(self) -> dict[str, Any]:
-        """See `Learner`."""
+        """Returns the state from which `set_state` continues exactly."""
         state = {
             "model": self.model.state_dict(),
             "scale": self.scale,
@@ -204,7 +204,7 @@ class TDMPC2:
         return {**copy.deepcopy(state), "replay": self.replay.get_state()}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """See `Learner`."""
+        """Restores a state of `get_state`."""
         self.model.load_state_dict(state["model"])
         self.scale.copy_(state["scale"])
         for optimizer, saved in zip(self._adams, state["adam"], strict=True):

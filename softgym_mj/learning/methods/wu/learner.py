@@ -178,7 +178,7 @@ class PickAndPlace(SAC):
         return actor, self.log_alpha * (alpha.detach() / self.alpha)
 
     def policy(self, seed: int) -> nn.Module:
-        """See `Learner`."""
+        """Returns the policy of the seed at an index."""
         valid = "a method whose best action is a function of what is seen: here it is drawn"
         raise InvalidArgumentError("method", "wu", valid)
 
