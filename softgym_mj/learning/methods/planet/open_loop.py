@@ -83,7 +83,7 @@ def psnr(frames: np.ndarray, others: np.ndarray) -> np.ndarray:
 
 
 def overlap(frames: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Returns the intersection over union (...) of colored pixels of images (..., h, w, 3) uint8."""
+    """Returns intersection over union (...) of colored pixels in images (..., h, w, 3) uint8."""
     first, second = (np.ptp(each.astype(int), axis=-1) >= _COLORFUL for each in (frames, others))
     both, either = ((first & second).sum((-2, -1)), (first | second).sum((-2, -1)))
     return np.where(either > 0, both / np.maximum(either, 1), 1.0)
