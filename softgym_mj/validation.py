@@ -85,7 +85,7 @@ def as_array(argument: str, value: object) -> np.ndarray:
 
 
 def _is_of(value: Any, annotation: Any) -> bool:
-    """Whether a value has the type of an annotation."""
+    """Returns whether a value has the type of an annotation."""
     origin, parts = typing.get_origin(annotation), typing.get_args(annotation)
     if annotation in _NUMBERS:
         is_number = isinstance(value, _NUMBERS[annotation])
@@ -105,7 +105,7 @@ def _is_of(value: Any, annotation: Any) -> bool:
 
 
 def _are_of(values: Any, origin: Any, parts: tuple[Any, ...]) -> bool:
-    """Whether values are a sequence, or an array, of values of these types."""
+    """Returns whether values are a sequence, or an array, of values of these types."""
     if isinstance(values, np.ndarray):
         values = values.tolist()
     if not isinstance(values, Sequence) or isinstance(values, str | bytes):

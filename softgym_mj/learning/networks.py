@@ -68,7 +68,7 @@ class Linear(nn.Module):
         self.bias = nn.Parameter(zeros)
 
     def forward(self, x: Tensor) -> Tensor:
-        """Of (seeds, n, inputs): (seeds, n, outputs)."""
+        """Maps inputs (seeds, n, inputs) to outputs (seeds, n, outputs)."""
         # Unlike `baddbmm`, a separate addition can be fused with the next operation.
         return torch.bmm(x, self.weight) + self.bias
 
@@ -82,7 +82,7 @@ class LayerNorm(nn.Module):
         self.bias = nn.Parameter(torch.zeros(seeds, 1, size, device=device))
 
     def forward(self, x: Tensor) -> Tensor:
-        """Of (seeds, n, size), the same shape."""
+        """Normalizes an array (seeds, n, size)."""
         return nn.functional.layer_norm(x, x.shape[-1:], eps=_EPSILON) * self.weight + self.bias
 
 
@@ -131,7 +131,7 @@ class ObservationNormalizer(nn.Module):
         self.deviation.copy_(observation.std(1, keepdim=True).clamp(min=least))
 
     def forward(self, observation: Tensor) -> Tensor:
-        """Of (seeds, n, size), the same shape."""
+        """Normalizes an array (seeds, n, size)."""
         return (observation - self.mean) / self.deviation
 
 

@@ -175,7 +175,7 @@ class Distill:
 
         Args:
             settings: how they learn.
-            problem: what is to be learned.
+            problem: learning problem.
             teacher: gives actions (seeds, n, action) for privileged observations (seeds, n, k).
         """
         self._settings, self._problem, self._teacher = settings, problem, teacher
@@ -230,7 +230,7 @@ class Distill:
         return (torch.where(is_driven, label, action) + noise).clamp(-1.0, 1.0)
 
     def _teacher_share(self) -> float:
-        """Share of the environments in which the teacher acts now."""
+        """Returns the share of the environments in which the teacher acts."""
         until = self._settings.teacher_until * self._problem.env_steps / self._problem.num_envs
         left = 1.0 - self._steps / until if until else 0.0
         return self._settings.teacher_share * max(left, 0.0)

@@ -58,7 +58,7 @@ class TeacherStudent:
 
         Args:
             settings: how they learn.
-            problem: what is to be learned.
+            problem: learning problem.
             teacher: the learner of the teachers.
         """
         self._privileged, self.teacher = settings.privileged, teacher

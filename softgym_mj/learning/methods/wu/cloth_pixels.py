@@ -1,4 +1,4 @@
-"""Which pixels of the task's camera show cloth, by their colors alone.
+"""Classification of cloth pixels in images of the task's camera, by color.
 
 Wu et al.'s thresholds (any channel below 50, or red above 160 with green below 180) are for
 SoftGym's colors. Here table, room and shadows are nearly gray, and cloth is linen or crimson: what
