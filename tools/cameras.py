@@ -119,7 +119,7 @@ def contents(env: Environment, hangs: bool) -> Iterator[tuple[np.ndarray, float,
 
 
 def reaches(env: Environment, hangs: bool, normals: np.ndarray) -> np.ndarray:
-    """How far (n,) [m] what has to be seen now extends along normals (n, 3)."""
+    """Extent (n,) [m] of everything to be shown now along normals (n, 3)."""
     found = []
     for points, radius, spare in contents(env, hangs):
         if len(points) > spare:
@@ -130,7 +130,7 @@ def reaches(env: Environment, hangs: bool, normals: np.ndarray) -> np.ndarray:
 
 
 class Frame(NamedTuple):
-    """What is to be looked at.
+    """Objects that a camera has to show.
 
     Attributes:
         starts: whether it is the start of an episode.
@@ -192,7 +192,7 @@ def scores(
     compared: Sequence[tuple[Direction, Row]],
     how: tuple[int, int],
 ) -> np.ndarray:
-    """Of each camera (n,): worst share at the smallest starts times median along episodes."""
+    """Score of each camera (n,): worst share at the smallest starts times median along episodes."""
     side, number = how
     starts = sorted((f for f in every if f.starts), key=lambda frame: frame.size)[:number]
     others = [f for f in every if not f.starts]

@@ -30,7 +30,7 @@ from tools.sheet_entries import (
 
 FOLDER = pathlib.Path(__file__).parent.parent / "docs" / "tasks"
 INTERFACE = FOLDER.parent / "interface.md"
-VARIATIONS = (800, 801)  # Two, so that what differs between variations can be told.
+VARIATIONS = (800, 801)  # Two, to detect what differs between variations.
 
 WRIST_SUMMARY = "with arms: uint8 images (arms, height, width, 3) from the cameras on their hands"
 HELD_SUMMARY = "cloth, rope: 1 for each gripper that holds something, else 0"
@@ -82,7 +82,7 @@ def actions(env: Environment, tasks: dict[str, Task], record: TaskRecord) -> Ite
 
 
 def entry_table(entries: Mapping[str, int], start: int = 0) -> str:
-    """Which entries of a state are what, from index `start`: numbers by what they are [unit]."""
+    """Table of the entries of a state from index `start`; `entries` maps "name [unit]" to sizes."""
     rows = []
     for label, number in entries.items():
         end = start + number - 1

@@ -1,4 +1,4 @@
-"""What the task's cameras show of the objects: docs/cameras.json.
+"""Visibility of objects in the task's cameras: docs/cameras.json.
 
     python -m tools.framing --jobs 2
 
@@ -37,7 +37,7 @@ SEEN = [LABELS.index(label) for label in ("object", "container")]
 
 
 class Shown(NamedTuple):
-    """What a picture has of the object, cups included.
+    """Visibility of the object in an image, cups included.
 
     Attributes:
         share: of the picture that shows it.
@@ -58,7 +58,7 @@ class Eye:
         self._camera = LabeledView("task", whole, whole, lambda: scene.segmentation_models)
 
     def look(self) -> Shown:
-        """What the picture shows now."""
+        """Measures the current image."""
         model = self._env.physics.model.ptr
         camera = model.camera("task").id
         angle = model.cam_fovy[camera]
@@ -84,7 +84,7 @@ def played(env: Environment, variation: int) -> Iterator[int]:
 
 
 def at_resets(env: Environment, variations: Iterable[int]) -> list[Shown]:
-    """What the starts of variations show."""
+    """Measures the starts of variations."""
     eye, found = Eye(env), []
     for variation in variations:
         env.reset(variation)
@@ -93,7 +93,7 @@ def at_resets(env: Environment, variations: Iterable[int]) -> list[Shown]:
 
 
 def along(env: Environment, variations: Iterable[int]) -> list[Shown]:
-    """What the expert's episodes show, every `EVERY` env steps from the start on."""
+    """Measures the expert's episodes, every `EVERY` env steps from the start on."""
     eye = Eye(env, SMALL)
     steps = (step for variation in variations for step in played(env, variation))
     return [eye.look() for step in steps if step % EVERY == 0]

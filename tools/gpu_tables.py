@@ -1,4 +1,4 @@
-"""Tables of what environments on a GPU do: docs/gpu*.json and docs/pictures.json."""
+"""Tables of environments on a GPU: docs/gpu*.json and docs/pictures.json."""
 
 import json
 import pathlib
@@ -12,7 +12,7 @@ DOCS = pathlib.Path(__file__).parent.parent / "docs"
 
 
 def measured(name: str) -> Any:
-    """What docs/<name>.json says."""
+    """Returns the content of docs/<name>.json."""
     return json.loads((DOCS / f"{name}.json").read_text())
 
 
@@ -58,7 +58,7 @@ def images() -> str:
 
 
 def bits() -> str:
-    """Whether a GPU's numbers are the processor's."""
+    """Table of bitwise comparisons of GPU and CPU."""
     found = measured("gpu")["bits"]
     rows = []
     for task, own in found.items():

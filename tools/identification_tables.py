@@ -14,7 +14,7 @@ Result = dict[str, Any]
 
 
 def draws() -> str:
-    """How far off each draw is, and what is known of it."""
+    """Table of the errors and intervals of each draw."""
     found: list[Result] = _found()["results"]
     rows = []
     for result in found:
@@ -57,7 +57,7 @@ def counts() -> str:
 
 
 def _off(error: float, found: Result) -> str:
-    """How far off a value is, and its interval relative to itself, in percent."""
+    """Error of a value, and its interval relative to itself, in percent."""
     low, high = (100 * (found[end] / found["value"] - 1) for end in ("low", "high"))
     return f"{100 * error:+.1f} ({low:+.0f}..{high:+.0f})"
 

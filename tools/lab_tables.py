@@ -65,7 +65,7 @@ def others() -> str:
 
 
 def kept() -> str:
-    """How many measurements are within their bounds, by experiment and mesh."""
+    """Table of the number of measurements within their bounds, by experiment and mesh."""
     rows = measured()
     lines = []
     for name in ("cantilever", "cantilever_sheet", *OTHERS):

@@ -1,4 +1,4 @@
-"""What was learned, for pages: tables of docs/results/learning.csv, a figure of its curves."""
+"""Tables of docs/results/learning.csv and a figure of its curves, for pages."""
 
 import io
 import math

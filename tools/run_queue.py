@@ -26,7 +26,7 @@ _POLL = 1.0  # [s] Between two looks at what runs.
 
 @dataclasses.dataclass
 class Cards:
-    """What runs on which GPU until when.
+    """Schedule of runs on GPUs.
 
     Attributes:
         number: of GPUs.

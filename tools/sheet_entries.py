@@ -1,4 +1,4 @@
-"""What the entries of states and the keys of info mean, for the data sheets."""
+"""Meanings of the entries of states and of the keys of info, for the data sheets."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.tasks import Task
 from softgym_mj.tasks.shared.entries import labels
 
-# What the keys of info mean; "reward_*" and "domain_*" are explained apart.
+# Meanings of the keys of info; "reward_*" and "domain_*" are explained elsewhere.
 INFO = {
     "performance": "the task's metric",
     "normalized_performance": "the same, scaled to 0 at the lower and 1 at the upper bound",
@@ -54,17 +54,17 @@ COMMON = {
 
 
 def ending_entries(task: Task) -> dict[str, int]:
-    """What the actor senses of itself at the end of the full and the reduced state."""
+    """Sizes of the actor's measurements at the end of the full and the reduced state."""
     return task.actor.senses if task.actor.ends_states else {}
 
 
 def reduced_entries(task: Task) -> dict[str, int]:
-    """What the reduced state lists."""
+    """Sizes of the entries of the reduced state."""
     return sizes(labels(task.reduced(task.state(), task.episode))) | ending_entries(task)
 
 
 def full_entries(env: Environment) -> dict[str, int]:
-    """What the full state lists."""
+    """Sizes of the entries of the full state."""
     task, number = env.task, env.observation_spec()["full_mask"].shape[0]
     points = {f"{number} points (x, y, z each), zeros from the last that exists [m]": 3 * number}
     return (
@@ -73,5 +73,5 @@ def full_entries(env: Environment) -> dict[str, int]:
 
 
 def sizes(arrays: dict[str, np.ndarray]) -> dict[str, int]:
-    """How many numbers each array has."""
+    """Size of each array."""
     return {name: np.size(array) for name, array in arrays.items()}

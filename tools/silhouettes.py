@@ -1,4 +1,4 @@
-"""How much of a picture things cover, without rendering: points of surfaces on pixels."""
+"""Share of an image that objects cover, without rendering: surface points on pixels."""
 
 import itertools
 

@@ -74,7 +74,7 @@ def cells(actors: dict[str, experts.Played]) -> list[str]:
 
 
 def budgets(results: list[dict]) -> str:
-    """What the planners may spend."""
+    """Budgets of the planners."""
     rows = []
     for result in (r for r in results if r["policy"] == "cem"):
         keys = ("horizon", "budget", "iterations", "replan_every")
@@ -108,7 +108,7 @@ def measured(name: str) -> dict:
 
 
 def on(machine: dict) -> str:
-    """What something was measured on, with the yardstick."""
+    """Machine of a measurement, with its reference rate."""
     rate = machine["humanoid_mj_steps_per_second"]
     return f"{machine['processor']}; dm_control's humanoid makes {rate:,.0f} mj_steps/s on a core."
 
@@ -149,7 +149,7 @@ def arm_speeds() -> str:
 
 
 def processes() -> str:
-    """What vector environments gain by a second process."""
+    """Throughput of vector environments in one and two processes."""
     found, rows = measured("vector"), []
     for one, two in zip(found["rows"][::2], found["rows"][1::2], strict=True):
         rates = " | ".join(f"{row['env_steps_per_second']:.0f}" for row in (one, two))
@@ -159,7 +159,7 @@ def processes() -> str:
 
 
 def pictures() -> str:
-    """What the task's cameras show: of scenes with pickers or cups, and with arms."""
+    """Visibility in the task's cameras, with pickers or cups and with arms."""
     if not framing.FILE.exists():
         return "Not yet measured."
     found, rows = measured("cameras"), []
@@ -227,7 +227,7 @@ def stills() -> str:
 
 
 def pages() -> dict[pathlib.Path, str]:
-    """The pages as they should be."""
+    """Returns the text of each page with current tables."""
     scores: experts.Scores = measured("experts")
     texts = {path: path.read_text() for path in PAGES}
     rates = measured("throughput")

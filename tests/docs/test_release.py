@@ -1,4 +1,4 @@
-"""What a release says of itself agrees: version, license, changelog, citation."""
+"""Version, license, changelog and citation of a release agree."""
 
 import pathlib
 import tomllib
