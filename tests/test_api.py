@@ -43,7 +43,7 @@ def _found(owner, key):
 
 @pytest.mark.parametrize("name", MODULES)
 def test_everything_has_a_docstring_and_arrays_have_shapes(name):
-    """What returns an array says its shape, or where to find it, in brackets."""
+    """Docstrings of functions that return an array have its shape, or a reference, in brackets."""
     module = importlib.import_module(name)
     assert module.__doc__ and module.__doc__.strip()
     assert [symbol for symbol, _, text in public(module) if not text] == []

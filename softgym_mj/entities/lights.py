@@ -16,7 +16,7 @@ WHITE = 6500.0  # [K] Daylight: the white balance of cameras.
 _PLANCK = 0.014388  # [m K] Second radiation constant.
 _WAVELENGTHS = np.array([600e-9, 550e-9, 450e-9])  # [m] Red, green and blue.
 LAMPS = ("none", "one", "two")
-# Of these: brightness, temperature [K], elevation [deg].
+# Ranges of the lamps' brightness, temperature [K] and elevation [deg].
 BRIGHTNESS, TEMPERATURE, ELEVATION = (0.08, 0.25), (2800.0, 8000.0), (20.0, 70.0)
 
 

@@ -32,19 +32,19 @@ def make_actor(
 
     Args:
         actor: one of `GRIPPERS`, or of `CUP_ACTORS` for a cup.
-        kind: what it handles: "cloth", "rope", or a cup.
-        base_height: of arms above the floor [m].
+        kind: object that it handles: "cloth", "rope", or a cup.
+        base_height: height of arms' bases above the floor [m].
         num_pickers: number of pickers; None for 2, or 1 for pixels. Not for arms.
         arms: number of arms, 1 or 2; None for 2. Only for arms.
         grasp: how arms hold: "attach" or "friction"; None for "attach". Only for arms.
-        visual: what arms look like: "primitive" (as with None) or "menagerie". Only for arms.
-        action: what the entries of arms' actions are: "position" (as with None), "pose" or
-            "joints". Only for arms; those that hold a cup have one kind.
+        visual: appearance of arms: "primitive" (as with None) or "menagerie". Only for arms.
+        action: meaning of arms' actions: "position" (as with None), "pose" or "joints". Only for
+            arms; those that hold a cup have one kind.
 
     Raises:
-        InvalidArgumentError: if there is no such actor, kind, grasp, look or action; if there
-            cannot be as many, or for a setting of other actors.
-        UnavailableError: if Menagerie's model cannot be had.
+        InvalidArgumentError: if there is no such actor, kind, grasp, look or action; if the number
+            is not possible, or for a setting of other actors.
+        UnavailableError: if Menagerie's model is not available.
     """
     look = "primitive" if visual is None else visual
     if isinstance(kind, CupTool):

@@ -78,7 +78,7 @@ def test_a_flat_cloth_rests_at_its_radius():
 
 
 def assert_clean(record):
-    """Of a scripted motion: held, unstretched, above the floor, at rest in the end."""
+    """Checks a scripted motion: held, unstretched, above the floor, at rest in the end."""
     assert record.held_error < 1e-3
     assert record.strain_99 <= 0.12  # When it hits the floor; 0.07 in a fold.
     assert record.lowest > -RADIUS

@@ -22,7 +22,7 @@ class Scene:
     def __init__(self, shirt=False, friction=0.75, dims=(65, 65)):
         self.cloth = Cloth(dims=dims, fabric=Fabric(layer_friction=friction))
         self.rope = Rope()
-        if friction < 1.0:  # Of two flexes the larger one counts.
+        if friction < 1.0:  # The larger of two flexes counts.
             nominal = {parameter.name: parameter.nominal for parameter in self.rope.parameters}
             self.rope.adjust({**nominal, "friction": friction})
         parts = [self.cloth, self.rope]
@@ -72,7 +72,7 @@ class Scene:
         return count_intersections(self.group.points(), edges, triangles)
 
     def rope_speed(self):
-        """Of its fastest vertex [m/s], mean of 0.1 s: single substeps are faster."""
+        """Returns the speed of its fastest vertex [m/s], averaged over 0.1 s."""
         before = self.rope.points()
         self.step(10)
         return np.abs(self.rope.points() - before).max() / 0.1

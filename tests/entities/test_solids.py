@@ -1,4 +1,4 @@
-"""What lies on own rods and boards: `Arena.add_solid`."""
+"""Cloth and rope on custom rods and boards: `Arena.add_solid`."""
 
 import numpy as np
 import pytest
@@ -8,8 +8,8 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.tasks import Measures, Task
 
-HEIGHT = 0.5  # [m] Of the middle of a rod or board.
-# [m] Of a rod from the middle row of a cloth's vertices, which are 3.1 cm apart.
+HEIGHT = 0.5  # [m] Height of the middle of a rod or board.
+# [m] Distance of a rod from the middle row of a cloth's vertices, which are 3.1 cm apart.
 BESIDE = 0.0155
 
 

@@ -11,7 +11,7 @@ IDENTIFIER = softgym_mj.TASKS["straighten_rope"].gymnasium_id
 
 
 def rewards(env, seed):
-    """Those of an episode of random actions, from where it is, and its last score."""
+    """Returns the rewards of an episode of random actions, and its last score."""
     random, found, truncated = np.random.default_rng(seed), [], False
     while not truncated:
         _, reward, terminated, truncated, info = env.step(random.uniform(-1, 1, 8))

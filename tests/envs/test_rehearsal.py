@@ -1,4 +1,4 @@
-"""What is tried in a rehearsal leaves nothing behind, and is what then happens."""
+"""A rehearsal changes nothing, and predicts what then happens."""
 
 import numpy as np
 import pytest

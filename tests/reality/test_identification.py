@@ -38,12 +38,13 @@ from softgym_mj.reality.meshes import rectangle
 from softgym_mj.reality.primitives import gripper_positions
 from softgym_mj.reality.replay import Hold, replay
 
-SPACING = 0.08  # [m] Of rags that are soon simulated.
+SPACING = 0.08  # [m] Spacing of rags that simulate fast.
 FABRIC = Fabric(density=0.2, drag=1.0, added_mass=0.1)
 BOUNDS = np.array([[-3.0, 3.0]] * 3)
 LEAST = np.array([0.5, -0.4, 1.0])
 NOISE = 1e-3  # [m]
-# Of a fake: how residuals of 40 frames, depend on coordinates; the last has no effect.
+# Slopes of a fake's residuals, in 40 frames with two points each; the last coordinate has no
+# effect.
 SLOPES = np.random.default_rng(5).normal(size=(40, 6, 3)) * [0.01, 0.005, 0.0]
 
 
@@ -137,7 +138,7 @@ def test_a_surface_is_least_where_offsets_are_but_for_those_that_jump():
     above, below = (smooth.residuals(beside + [h, 0, 0]) for h in (1e-6, -1e-6))
     numeric = (above - below) / 2e-6
     np.testing.assert_allclose(smooth.jacobian(beside)[:, 0], numeric, atol=1e-4)
-    # Of the last ten frames, 2 cm of their own: a hundredth of the weight of others.
+    # The last ten frames have noise of 2 cm: a hundredth of the weight of others.
     residuals[:, frames >= 30] += 0.02 * random.standard_normal((72, 60))
     rough = Surface(points, residuals, frames)
     np.testing.assert_allclose(rough.minimum(BOUNDS)[:2], LEAST[:2], atol=0.02)
@@ -209,7 +210,7 @@ def test_a_search_goes_on_from_its_journal_with_the_same_bits(tmp_path):
     for first, second in zip(whole, parts, strict=True):
         np.testing.assert_array_equal(first.estimate, second.estimate)
         np.testing.assert_array_equal(first.jacobian, second.jacobian)
-    # Of both searches the first 12, and twice three slopes and a step were there.
+    # The first 12 of both searches, and twice three slopes and a step, were stored.
     assert len(calls) == sum(each.evaluations for each in whole) - 40
     with pytest.raises(StoreError, match="what"):
         identify.open_store(tmp_path / "parts", {"what": "another"})
@@ -244,7 +245,7 @@ def test_only_ratios_to_the_density_show():
 
 
 def hem(spacing, by_area):
-    """Where the middle of a rag's hem is (10, 3) [m] while it is flung, for some mesh."""
+    """Returns the middle (10, 3) [m] of a rag's hem while it is flung, for a mesh."""
     mesh = rag_data.RagScene("dynamic", 1.0, spacing=spacing).mesh
     hold = Hold(rag_scene.corners(mesh), lambda t: gripper_positions("dynamic", t))
     times, start = np.arange(1.5, 2.5, 0.1), rag_scene.hung(mesh)
@@ -332,7 +333,7 @@ def test_offsets_from_clouds_are_of_patches_and_cancel_noise():
     seen = Clouds([cloud, cloud + 0.005 * random.normal(size=cloud.shape)], mesh, None)
     exact, noisy = seen.residuals(np.stack([moved, moved]))
     np.testing.assert_allclose(exact, np.tile([0.0, 0.0, -0.01], (16, 1)), atol=1e-7)
-    # Of 25 points each; rims add ways within the plane.
+    # Means of 25 points each; rims add displacements within the plane.
     assert np.abs(noisy[:, 2] + 0.01).max() < 4 * 0.005 / 5
     assert np.std(noisy[:, 2]) == pytest.approx(0.005 / 5, rel=0.5)
     empty = Clouds([np.zeros((0, 3))], mesh, None)

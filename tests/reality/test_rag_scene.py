@@ -10,7 +10,7 @@ from softgym_mj.reality.identification.rag_data import SIZE, RagScene
 from softgym_mj.reality.meshes import rectangle
 from softgym_mj.reality.rag_scene import corners, hung
 
-WIDE = (0.50, 0.63)  # [m] Of the benchmark's mesh: wider than the grippers are apart.
+WIDE = (0.50, 0.63)  # [m] Width of the benchmark's mesh: wider than the grippers are apart.
 SPACING = 0.028  # [m]
 
 

@@ -83,7 +83,7 @@ def looking_down(height=1.0, focal=100.0):
 
 
 def unhidden(points, vertices, triangles, origin):
-    """Which points no triangle is in front of, by Moeller and Trumbore's equations of rays."""
+    """Returns which points no triangle occludes, by Moeller and Trumbore's equations of rays."""
     a, b, c = (vertices[triangles[:, i]] for i in range(3))
     answer = []
     for point in points:

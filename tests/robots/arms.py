@@ -1,4 +1,4 @@
-"""What tests of arms share: which of many cases are usual, and torques."""
+"""Helpers for tests of arms: the default subset of many cases, and torques."""
 
 import pytest
 
@@ -22,7 +22,7 @@ def usually(name, values, *usual):
 
 
 def motor_torques(model, data, servos):
-    """What the motors deliver (n,) [N m]: after the step, as the servos are implicit."""
+    """Returns the motors' torques (n,) [N m] after the step, as the servos are implicit."""
     kp, kv = model.actuator_gainprm[servos.motors, 0], -model.actuator_biasprm[servos.motors, 2]
     gap = data.ctrl[servos.motors] - data.qpos[servos.positions_at]
     return kp * gap - kv * data.qvel[servos.speeds_at]

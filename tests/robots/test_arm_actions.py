@@ -1,4 +1,4 @@
-"""What the entries of arms' actions do: poses against scipy's rotations, joints against sums."""
+"""Entries of arms' actions: poses against scipy's rotations, joints against sums."""
 
 import gymnasium
 import mujoco
@@ -182,7 +182,7 @@ def test_joints_go_where_they_are_told_to(arm):
         scene.step(np.append(np.zeros(len(start)), 1.0))
     np.testing.assert_allclose(arms.controller.configuration, expected, atol=1e-4)
     np.testing.assert_allclose(scene.data.qpos[servos.positions_at], expected, atol=2e-3)
-    # Where the commanded tool point is: MuJoCo's own kinematics of the scene.
+    # The commanded tool point by MuJoCo's own kinematics of the scene.
     scene.data.qpos[servos.positions_at] = expected
     mujoco.mj_kinematics(scene.model, scene.data)
     tool = scene.data.site(f"arms/{arm}_0/{arms.arm.tcp_site}").xpos

@@ -1,10 +1,10 @@
-"""What docs/robots.md says of arms that stop at once and of the limits of their force."""
+"""Statements of docs/robots.md on arms that stop at once and on their force limits."""
 
 import numpy as np
 
 from tests.robots.test_cartesian import Scene, cases, in_front
 
-PLACE = 0.7  # [m] Of a base from the middle.
+PLACE = 0.7  # [m] Distance of a base from the middle.
 COMMAND = 25  # Sim steps of a command.
 # Share of the motor's torque to which a force limit is widened, at steps of 10 ms.
 WIDENED = 1.4, 2.7

@@ -63,7 +63,7 @@ FRAMES = {
         "tcp": ("hand", (0, 0, 0.1415), UNTURNED, None),
     },
 }
-# What the arm joints turn about.
+# Axes of the arm joints.
 AXES = {"franka": "zzzzzzz", "sawyer": "zzzzzzz", "ur5e": "zyyyzy"}
 
 # Joint -> (lower, upper [rad], speed [rad/s], torque [N m]).

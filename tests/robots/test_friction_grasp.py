@@ -36,7 +36,7 @@ def pinch_edge(env):
 
 
 def offset(env, vertex):
-    """Where a vertex is relative to the tool point (3,) [m]."""
+    """Returns a vertex relative to the tool point (3,) [m]."""
     return env.task.objects[0].vertex(vertex) - env.task.actor.positions()[0]
 
 

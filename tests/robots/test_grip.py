@@ -124,7 +124,7 @@ def test_one_simulation_follows_the_rules():
 
 
 def slow_order(holds, distances, gaps) -> list[bool]:
-    """Which holds stay, one by one: each that is near enough to all that stay before it."""
+    """Returns which holds stay, one by one: each near enough to all earlier ones that stay."""
     stay: list[int] = []
     for i, holding in enumerate(holds):
         if holding and all(distances[i, j] <= gaps[i, j] for j in stay):
@@ -133,7 +133,7 @@ def slow_order(holds, distances, gaps) -> list[bool]:
 
 
 def test_later_holds_are_released_before_earlier_ones():
-    """Of one simulation, and of many in arrays."""
+    """The rule holds for one simulation, and for a batch."""
     random = np.random.default_rng(0)
     number = 5
     holds = random.random((ENVS, number)) < 0.8

@@ -20,7 +20,7 @@ FINGERS = """
   <body name="right_finger" pos="0 0 0.0584" quat="0 0 0 1">
     <joint name="finger_joint2" class="finger"/> {shapes}
   </body>"""
-# Of different lengths along all axes, and nowhere near its origin.
+# Different lengths along all axes, far from its origin.
 VERTICES = np.array([[0.1, 0.2, 0.3], [0.2, 0.2, 0.3], [0.1, 0.25, 0.3], [0.1, 0.2, 0.33]])
 OBJ = "".join(f"v {x} {y} {z}\n" for x, y, z in VERTICES) + "f 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
 SCALE = np.array([0.5, 1.0, -2.0])
@@ -59,7 +59,7 @@ LACKING = {"franka": {"tcp"}, "sawyer": {"head", "right_hand", "tcp"}, "ur5e": {
 
 
 def links(arm):
-    """Those that Menagerie has; its Sawyer lacks the head, that and its UR5e the gripper."""
+    """Returns the links that Menagerie has: its Sawyer lacks head and gripper."""
     return [name for name in FRAMES[arm] if name not in LACKING[arm]]
 
 

@@ -106,7 +106,7 @@ def test_two_pickers_at_reset(facts):
     scene = make_scene(facts)
     x, y = box_center(scene.target.points())
     half = facts.spread / 2
-    top = scene.target.points()[:, 2].max()  # Of this pile 0.18 m.
+    top = scene.target.points()[:, 2].max()  # 0.18 m for this pile.
     height = top + 0.06 if facts is CLOTH else facts.reset_height
     expected = [[x, y - half, height], [x, y + half, height]]
     np.testing.assert_allclose(scene.actor.positions(), expected, atol=1e-12)
@@ -313,7 +313,7 @@ def test_released_vertex_falls():
     scene.step([0, 0, 0, ON])
     assert scene.held() == [20]
     assert scene.target.vertex(20)[2] == pytest.approx(0.2, abs=1e-4)
-    substeps = 25  # Of the solver, in a sim step.
+    substeps = 25  # Substeps of the solver in a sim step.
     timestep = SIM_STEP / substeps
     for number in range(1, 16):
         scene.step([0, 0, 0, OFF])

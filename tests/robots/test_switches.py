@@ -1,4 +1,4 @@
-"""Which entries of actions are switches: half of one does the same, half of another does not."""
+"""Switch entries of actions: half of a switch does the same, half of another entry does not."""
 
 import numpy as np
 import pytest

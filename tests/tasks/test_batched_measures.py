@@ -12,7 +12,7 @@ from softgym_mj.tasks import Episode, State
 from softgym_mj.tasks.shared.entries import labels
 from softgym_mj.tasks.shared.observations import STATES
 
-VARIATIONS, SAMPLES = (800, 807, 813, 999), 16  # Of four sizes; 64 states.
+VARIATIONS, SAMPLES = (800, 807, 813, 999), 16  # 64 states of four sizes.
 NOISE = {"water": 0.4}  # [m] By which the points of a state are moved; others by
 USUAL_NOISE = 0.03
 
@@ -36,7 +36,7 @@ def samples(task: str) -> tuple[Any, list[State], list[Episode]]:
 
 
 def tensors(value: Any) -> Any:
-    """The same with PyTorch's tensors."""
+    """Converts arrays to PyTorch's tensors."""
     if isinstance(value, dict):
         return {key: tensors(part) for key, part in value.items()}
     return torch.from_numpy(value)

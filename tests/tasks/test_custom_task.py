@@ -53,7 +53,7 @@ def definition():
 
 @pytest.fixture(scope="module")
 def notebook():
-    """What these cells define."""
+    """Returns what the notebook's cells define."""
     namespace: dict = {"__name__": "notebook"}
     exec(definition(), namespace)
     return namespace

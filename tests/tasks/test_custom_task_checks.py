@@ -1,4 +1,4 @@
-"""What own tasks get wrong is said, what they remember is restored, what is replaced is gone."""
+"""Errors of custom tasks are reported, their state is restored, replaced tasks are freed."""
 
 from typing import Unpack
 

@@ -15,7 +15,7 @@ def load(task, **kwargs):
 
 
 def added(observation):
-    """What "markov" has after the numbers of "reduced"."""
+    """Returns the entries of "markov" after those of "reduced"."""
     reduced, markov = (observation[name] for name in NAMES)
     np.testing.assert_array_equal(markov[: reduced.size], reduced)
     return markov[reduced.size :]
@@ -61,7 +61,7 @@ def test_a_grip_that_is_closed_and_one_that_has_slipped():
 
 @pytest.mark.parametrize("task", ["transport_water", "pour_water"])
 def test_the_velocity_of_a_cup(task):
-    """What it was in the last sim step; snapshots and the next episode have it, too."""
+    """It is that of the last sim step; snapshots and the next episode have it, too."""
     env, twin = (load(task, fidelity="fast") for _ in range(2))
     start = env.reset(803).observation
     assert not added(start).any()

@@ -14,7 +14,7 @@ PAGE = pathlib.Path(__file__).parents[2] / "docs" / "custom_tasks.md"
 
 @pytest.fixture(scope="module")
 def page():
-    """What the page defines."""
+    """Returns what the page's code defines."""
     (code,) = re.findall(r"```python\n([^`]*class HangTowel[^`]*)```", PAGE.read_text())
     namespace: dict = {"__name__": "page"}
     exec(code, namespace)

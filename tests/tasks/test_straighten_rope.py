@@ -1,4 +1,4 @@
-"""What the page of straighten_rope says of its start states."""
+"""The start states of straighten_rope that its docstring counts."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from softgym_mj.variations.indices import SPLITS
 
 
 def test_starts_that_count_as_success():
-    """As many as the page says; a reset of one says the same."""
+    """The docstring has the right number; a reset of one reports success."""
     env = softgym_mj.load("straighten_rope", split="all")
     starts = [env.task.store.load(index) for index in SPLITS["all"]]
     gaps = np.array([np.linalg.norm(points[0] - points[-1]) for points in starts])

@@ -270,7 +270,7 @@ def test_particles_are_checked(transport):
 
 
 def test_nothing_passes_the_walls_at_the_first_move():
-    """From rest to full speed; a wall that were not swept would jump over the particles behind."""
+    """The cup moves from rest to full speed; a wall that is not swept would jump over particles."""
     env = softgym_mj.load("transport_water", split=[VARIATION], fidelity="fast", action_repeat=1)
     env.reset()
     size = env.task.cup.size

@@ -18,7 +18,7 @@ from softgym_mj.variations.randomization import DomainRandomization, choice
 
 TASKS = ("fold_cloth", "straighten_rope", "pour_water")  # One of each kind of object.
 SENSOR = {"sensor_noise": 4.0, "sensor_blur": 0.5, "sensor_quality": 70.0, "sensor_exposure": 1.1}
-OWN = ("hue", "brightness", "pattern", "opacity")  # Of objects.
+OWN = ("hue", "brightness", "pattern", "opacity")  # Parameters of objects.
 # What counts as seen [1/255]: by a pixel of those 0.2 % that change most; ropes cover 1 %.
 LEAST, MOST_CHANGED = 6.0, 99.8
 # What is seen only with another: hues of what is gray, the scale of what is plain.

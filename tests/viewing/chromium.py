@@ -24,11 +24,11 @@ OPTIONS = (
     "--hide-scrollbars",
     "--remote-debugging-port=0",
 )
-START_TIME = 30.0  # [s] That it may take to start.
+START_TIME = 30.0  # [s] Timeout of its start.
 
 
 def path():
-    """Where it is; None if there is none."""
+    """Returns the path of Chromium; None if there is none."""
     return next(filter(None, map(shutil.which, NAMES)), None)
 
 
@@ -88,7 +88,7 @@ class Chromium:
         )
 
     def screenshot(self):
-        """What the page looks like (height, width, 3) uint8."""
+        """Returns an image of the page (height, width, 3) uint8."""
         data = self.call("Page.captureScreenshot", format="png")["data"]
         return imageio.imread(io.BytesIO(base64.b64decode(data)))[..., :3]
 

@@ -15,7 +15,7 @@ from softgym_mj.viewing import browser, scene
 from tests.viewing import chromium
 from tests.viewing.test_teleoperation import unhurried
 
-WIDTH, HEIGHT = 900, 560  # Of the window [pixels].
+WIDTH, HEIGHT = 900, 560  # [pixels] Size of the window.
 LOAD_TIME = 150.0  # [s] Within which a busy machine without a GPU has shown the first picture.
 NOTICES = ".mantine-Notifications-root"  # Such as that there is no GPU.
 # Ranges of hue [deg] as seen: the cloth's two sides, water and rope.
@@ -110,7 +110,7 @@ def hues(image):
 
 
 def mask(image, *ranges):
-    """Which pixels left of the panel have a hue in one of the ranges."""
+    """Returns which pixels left of the panel have a hue in one of the ranges."""
     hue, saturation = hues(image)
     chosen = np.zeros(hue.shape, bool)
     for low, high in ranges:
@@ -138,7 +138,7 @@ def expected(session, server, height, width):
 
 
 def pixel(server, point, height, width):
-    """Where browsers see a point (3,) [m] at first: x, y [pixels]."""
+    """Returns where a point (3,) [m] is in the initial view: x, y [pixels]."""
     start = server.initial_camera
     forward = start.look_at - start.position
     forward /= np.linalg.norm(forward)

@@ -53,6 +53,6 @@ class ArmActor(BodyActor):
         return {**super().get_state(), **self._lead.get_state(), **self.servos.get_state()}
 
     def set_state(self, state: dict[str, np.ndarray]) -> None:
-        super().set_state(state)  # type: ignore[safe-super]  # Of what it is mixed with.
+        super().set_state(state)  # type: ignore[safe-super]  # The other base class defines it.
         self._lead.set_state(state)
         self.servos.set_state(state)

@@ -129,15 +129,15 @@ class CartesianController:
         return self._configuration.data.site_xmat[self._sites].reshape(-1, 3, 3)
 
     def within_lead(self, points: np.ndarray) -> np.ndarray:
-        """Commanded points (n, 3) [m], drawn in to `LEAD` of where the reference is."""
+        """Returns commanded points (n, 3) [m], moved to within `LEAD` of the reference."""
         return drawn_in(points, self.points(), LEAD)
 
     def turn(self, rotations: np.ndarray) -> None:
-        """Chooses the orientation of the tools from now on, as matrices (n, 3, 3)."""
+        """Sets the commanded orientation of the tools, as matrices (n, 3, 3)."""
         self._rotations = [mink.SO3.from_matrix(rotation) for rotation in rotations]
 
     def reset(self, points: np.ndarray) -> None:
-        """Puts the reference at rest where its tool points are nearest to `points` (n, 3) [m]."""
+        """Puts the reference at rest with its tool points nearest to `points` (n, 3) [m]."""
         self._place(self.home)
         for _ in range(SOLVE_STEPS):
             self.follow(points, SOLVE_PERIOD)
@@ -149,7 +149,7 @@ class CartesianController:
     def follow(self, points: np.ndarray, duration: float = PERIOD) -> None:
         """Moves the reference for `duration` [s] so that its tool points reach `points` (n, 3) [m].
 
-        They get as far as the limits of joints and speeds allow.
+        Joint and speed limits may stop it before.
         """
         for frame, rotation, point in zip(self._frames, self._rotations, points, strict=True):
             frame.set_target(mink.SE3.from_rotation_and_translation(rotation, point))
@@ -158,7 +158,7 @@ class CartesianController:
     def bend(self, angles: np.ndarray) -> None:
         """Moves the reference for a period so that its joints reach `angles` (nq,) [rad].
 
-        They get as far as the limits of joints and speeds allow, and what they keep apart from.
+        Joint and speed limits and the distances from the floor and other arms may stop it before.
         """
         self._angles.set_target(angles)
         self._go(self._bending, PERIOD)
@@ -174,11 +174,11 @@ class CartesianController:
         self._place(self._configuration.integrate(self._velocity, duration))
 
     def _place(self, configuration: np.ndarray) -> None:
-        # Outside of the limits the program has no solution.
+        # Outside the limits the program has no solution.
         self._configuration.update(np.clip(configuration, self._low, self._high))
 
     def get_state(self) -> dict[str, np.ndarray]:
-        """The reference, for snapshots."""
+        """Returns the reference, for snapshots."""
         return {
             "configuration": self.configuration,
             "velocity": self.velocity,
@@ -186,7 +186,7 @@ class CartesianController:
         }
 
     def set_state(self, state: dict[str, np.ndarray]) -> None:
-        """Restores what `get_state` returned."""
+        """Restores the reference that `get_state` returned."""
         self._configuration.update(state["configuration"])
         self._velocity[:] = state["velocity"]
         self.failures = int(state["failures"])

@@ -1,4 +1,4 @@
-"""`CommandFilter`: a path that arms can follow, however abruptly they are commanded."""
+"""`CommandFilter`: turns abrupt commands into a path that arms can follow."""
 
 from collections.abc import Callable
 
@@ -7,16 +7,16 @@ import numpy as np
 from softgym_mj.native.arithmetic import squares
 from softgym_mj.robots.base import SIM_STEP
 
-# [m/s^2] Commands may jump from -1 m/s to 1 m/s; what the arms follow speeds up and slows down by
-# this at most, which their torques can do.
+# [m/s^2] Commands may jump from -1 m/s to 1 m/s; the filtered path accelerates by at most this,
+# within the arms' torques.
 ACCELERATION = 10.0
-SPEED_UP = ACCELERATION * SIM_STEP**2  # The same as a change of the displacement in a sim step [m].
-# [m/s] Up to this speed the filter moves along with the commanded point, instead of staying so far
-# behind that it can come to rest there. When a command of 0.5 m/s ends at once, the filter goes
-# 10 mm too far and returns (39 mm at 1 m/s); the hand, which comes after it, 19 mm (50 to 60 mm).
+SPEED_UP = ACCELERATION * SIM_STEP**2  # [m] Largest change of the displacement in a sim step.
+# [m/s] Up to this speed the filter stays at the commanded point, instead of the distance from which
+# it can stop there. When a command of 0.5 m/s ends at once, the filter overshoots by 10 mm (39 mm
+# at 1 m/s); the hand, which follows it, by 19 mm (50 to 60 mm).
 ALONG = 0.5
-# [m] By which the commanded point may be ahead of the filter. The hand is further behind: by up to
-# `cartesian.LEAD` and what the joints lag.
+# [m] Largest distance of the commanded point from the filter. The hand is further behind: by up to
+# `cartesian.LEAD` and the lag of the joints.
 LEAD = 0.06
 
 
@@ -25,35 +25,35 @@ Draw = Callable[[np.ndarray, np.ndarray, float], np.ndarray]
 
 
 class CommandFilter:
-    """Points that go after commanded ones, as fast as lets them come to rest beside them.
+    """Points that follow commanded ones as fast as their acceleration limit allows.
 
     Attributes:
-        commanded: where they are told to be (n, 3) [m].
-        points: where they are (n, 3) [m].
+        commanded: commanded positions (n, 3) [m].
+        points: filtered positions (n, 3) [m].
         step: their displacement in the current sim step (n, 3) [m].
     """
 
     def __init__(self, number: int, draw: Draw | None = None):
-        """`number` points at rest at the origin.
+        """Starts with `number` points at rest at the origin.
 
         Args:
-            number: of points.
-            draw: how commanded points are held near the filter; None for `drawn_in`.
+            number: number of points.
+            draw: holds commanded points near the filter; None for `drawn_in`.
         """
         self._draw = drawn_in if draw is None else draw
         self.start(np.zeros((number, 3)))
 
     def start(self, points: np.ndarray) -> None:
-        """Puts the points (n, 3) [m] at rest where they are told to be."""
+        """Puts the points (n, 3) [m] at rest at their commanded positions."""
         self.commanded, self.points = np.array(points, float), np.array(points, float)
         self.step = np.zeros_like(self.points)
 
     def advance(self, wanted: np.ndarray, hold: Callable[[np.ndarray], np.ndarray]) -> None:
-        """A sim step in which points (n, 3) [m] are wanted.
+        """Runs a sim step towards points (n, 3) [m].
 
         Args:
-            wanted: where the commanded points ought to be; they wait if the filter is far behind.
-            hold: gives for points (n, 3) [m] those that are not too far ahead of the arms.
+            wanted: desired commanded points, which wait if the filter is far behind.
+            hold: returns for points (n, 3) [m] those that are not too far ahead of the arms.
         """
         before = self.commanded
         self.commanded = self._draw(wanted, self.points, LEAD)
@@ -67,16 +67,16 @@ class CommandFilter:
         self.points = points
 
     def get_state(self) -> dict[str, np.ndarray]:
-        """For snapshots."""
+        """Returns the state for snapshots."""
         return {"filter": np.array([self.commanded, self.points, self.step])}
 
     def set_state(self, state: dict[str, np.ndarray]) -> None:
-        """Restores what `get_state` returned."""
+        """Restores the state that `get_state` returned."""
         self.commanded, self.points, self.step = state["filter"].copy()
 
 
 def drawn_in(points: np.ndarray, centers: np.ndarray, radius: float) -> np.ndarray:
-    """Points (n, 3), moved straight to within `radius` of their `centers` (n, 3)."""
+    """Returns points (n, 3), moved straight to within `radius` of their `centers` (n, 3)."""
     offset = points - centers
     distance = np.sqrt(squares(offset))[:, None]
     return centers + offset * (radius / np.maximum(distance, radius))

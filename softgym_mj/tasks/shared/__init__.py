@@ -1,1 +1,1 @@
-"""What the tasks are made of."""
+"""Parts that tasks share: the base class, scenes, observations, measures and start states."""

@@ -1,1 +1,1 @@
-"""Start states: how the episodes of a task begin."""
+"""Start states of the tasks."""
