@@ -293,3 +293,12 @@ def test_the_command_line_chooses_variations_and_actors(tmp_path):
         assert result["settings"] == {"horizon": 1, "actor": "picker"}
     failed = CliRunner().invoke(commands.app, [*base, "--variations", "3", "--episodes", "2"])
     assert isinstance(failed.exception, InvalidArgumentError)
+
+
+def test_a_batch_reports_its_env_steps(tmp_path):
+    steps = []
+    settings = {"horizon": 3, "fidelity": "fast"}
+    configuration = Configuration("straighten_rope", "zero", (800, 801), settings=settings)
+    progress = evaluation.Progress(on_step=steps.append)
+    evaluate(configuration, tmp_path, None, progress, device="host")
+    assert steps == [0, 1, 2]
