@@ -2,7 +2,8 @@
 
 `python -m tools.videos` (`make videos`) writes them, in 15 minutes without a GPU. Arguments select
 some: names of tasks, of policies in docs/results/policies such as straighten_rope-sac, or of `ARMS`
-(the expert with an arm that uses its wrist). `tasks.webp` shows all tasks side by side.
+(the expert with an arm that uses its wrist). `tasks.webp` shows all tasks and arms for
+eight seconds, made of the others.
 """
 
 import pathlib
@@ -11,7 +12,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from PIL import Image
+from PIL import Image, ImageDraw, ImageFont
 
 from softgym_mj.envs.load import load
 from softgym_mj.policies.episodes import play
@@ -23,7 +24,8 @@ FOLDER, LEARNED = DOCS / "videos", DOCS / "results" / "policies"
 SIZE = 240  # Side [pixels].
 PASSES = 8  # Number of images averaged: soft shadows, smooth edges.
 QUALITY = 60  # WebP quality, 0..100.
-COLUMNS = 5  # Columns of the video of all tasks.
+COLUMNS, FRAMES, FRAME = 6, 100, 80  # Columns, images and their duration [ms] of `tasks`.
+LABEL = 15  # Height of the names in it [pixels].
 HOLD = 1200  # Duration of the last image [ms].
 STILL = 0.3  # Mean difference of two images without motion [of 255].
 REST = 6  # Images kept after the last motion.
@@ -63,23 +65,35 @@ def write_video(frames: Sequence[np.ndarray], milliseconds: int, file: pathlib.P
     )  # fmt: skip
 
 
-def all_tasks(folder: pathlib.Path) -> tuple[list[np.ndarray], int]:
-    """Returns the images of all tasks side by side and their duration [ms]; finished ones hold."""
-    videos, duration = [], 0
-    for name in TASKS:
-        with Image.open(folder / f"{name}.webp") as video:
-            pictures = []
-            for i in range(video.n_frames):
-                video.seek(i)
-                pictures.append(np.asarray(video.convert("RGB")))
-                duration = duration or int(video.info["duration"])
-            videos.append(pictures)
+def labeled(video: pathlib.Path) -> tuple[list[np.ndarray], np.ndarray]:
+    """Returns images of a video with task and arm in a corner, and when each ends [ms]."""
+    task, actor = video.stem.split("-")[0].replace("_", " "), ARMS.get(video.stem, {}).get("actor")
+    font, name = ImageFont.load_default(LABEL), f"{task}, {actor}" if actor else task
+    pictures, ends = [], [0]
+    with Image.open(video) as images:
+        for i in range(images.n_frames):
+            images.seek(i)
+            picture = images.convert("RGB")
+            draw, at = ImageDraw.Draw(picture), (6, SIZE - LABEL - 8)
+            draw.text(at, name, font=font, fill="white", stroke_width=1, stroke_fill="black")
+            pictures.append(np.asarray(picture))
+            ends.append(ends[-1] + int(images.info["duration"]))
+    return pictures, np.array(ends[1:])
+
+
+def all_tasks(folder: pathlib.Path) -> list[np.ndarray]:
+    """Returns images of all tasks and arms side by side, at one speed; finished ones hold."""
+    videos = [labeled(folder / f"{name}.webp") for name in (*TASKS, *ARMS)]
+    longest = max(ends[-1] - HOLD for _, ends in videos)
     frames = []
-    for i in range(max(map(len, videos))):
-        shown = [pictures[min(i, len(pictures) - 1)] for pictures in videos]
+    for now in np.linspace(0.0, longest, FRAMES):
+        shown = [
+            pictures[min(np.searchsorted(ends, now, side="right"), len(pictures) - 1)]
+            for pictures, ends in videos
+        ]
         rows = (shown[k : k + COLUMNS] for k in range(0, len(shown), COLUMNS))
         frames.append(np.vstack([np.hstack(row) for row in rows]))
-    return frames, duration
+    return frames
 
 
 def is_learned(name: str) -> bool:
@@ -108,8 +122,8 @@ def main(names: Sequence[str]) -> None:
         score = episode.info["normalized_performance"][-1]
         print(f"{file.name}: {len(frames)} pictures, {file.stat().st_size / 1e3:.0f} kB, "
               f"normalized performance {score:.2f}")  # fmt: skip
-    if not names or set(names) & set(TASKS):
-        write_video(*all_tasks(FOLDER), FOLDER / "tasks.webp")
+    if not names or set(names) & {*TASKS, *ARMS}:
+        write_video(all_tasks(FOLDER), FRAME, FOLDER / "tasks.webp")
 
 
 if __name__ == "__main__":
