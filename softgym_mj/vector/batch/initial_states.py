@@ -117,10 +117,16 @@ class InitialStateCache:
             return
         pickled = cloudpickle.dumps((self._make, type(self._physics), self._cameras.observed))
         shares = [missing[i : i + _SHARE] for i in range(0, len(missing), _SHARE)]
+        # On the CPU first: a GPU gets one array per name instead of a small one per variation.
+        host, order = PaddedRows(len(missing), CpuDevice()), list[int]()
         with ProcessExecutor(min(num_cores(), len(shares))) as executor:
             for i, found in executor.results(read_starts, [(pickled, s) for s in shares]):
                 for variation, values in zip(shares[i], found, strict=True):
-                    self._put(variation, values)
+                    host.put(len(order), self._row(values))
+                    order.append(variation)
+        first = len(self._known)
+        self.rows.put_all(first, host, len(order))
+        self._known.update(zip(order, range(first, first + len(order)), strict=True))
 
     def row(self, variation: int) -> int:
         """Returns the row of the initial state of a variation."""
@@ -135,12 +141,15 @@ class InitialStateCache:
             self._env.reset(variation)
 
     def _put(self, key: Any, values: Mapping[str, Any]) -> None:
-        row = self._known.setdefault(key, len(self._known))
-        placed = {
+        self.rows.put(self._known.setdefault(key, len(self._known)), self._row(values))
+
+    def _row(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Returns a row of `rows` from the result of `read` in any process."""
+        return {
+            **values,
             "physics": self._physics.placed(values["physics"]),
             "view": self._cameras.placed(values["view"]),
         }
-        self.rows.put(row, {**values, **placed})
 
     def restored(self, i: int, snapshot: Snapshot) -> tuple[int, int]:
         """Returns the row of a snapshot of any environment, and its variation.

@@ -48,6 +48,24 @@ class PaddedRows:
             part = tuple(slice(size) for size in array.shape)
             whole[name][i, ...][part] = self._device.put(array)
 
+    def put_all(self, first: int, others: "PaddedRows", count: int) -> None:
+        """Sets rows from `first` on to the first `count` rows of `others`, which are on the CPU."""
+        while first + count > self._number:
+            self._number *= 2
+        self._put_all(self.whole, others.whole, slice(first, first + count), count)
+
+    def _put_all(
+        self, whole: dict[str, Any], others: Mapping[str, Any], at: slice, count: int
+    ) -> None:
+        for name, other in others.items():
+            if isinstance(other, Mapping):
+                self._put_all(whole.setdefault(name, {}), other, at, count)
+                continue
+            whole[name] = self._grown(whole.get(name), other.shape[1:], other.dtype.name)
+            whole[name][at] = 0
+            part = tuple(slice(size) for size in other.shape[1:])
+            whole[name][(at, *part)] = self._device.put(other[:count])
+
     def _grown(self, whole: Array | None, shape: tuple[int, ...], dtype: str) -> Array:
         """Returns an array whose rows have at least `shape`, with the old content."""
         before = shape if whole is None else tuple(whole.shape[1:])
