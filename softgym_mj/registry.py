@@ -79,12 +79,12 @@ class TaskRecord:
 
     @property
     def summary(self) -> str:
-        """What to do, in a sentence."""
+        """Goal of the task, as a sentence in the imperative."""
         return self._of_class("summary")
 
     @property
     def tags(self) -> tuple[str, ...]:
-        """Difficulty and material."""
+        """Difficulty and material of the task."""
         task_class = self.resolve()
         return self._overrides.get("tags", (task_class.difficulty, task_class.material))
 

@@ -42,11 +42,15 @@ def _found(owner, key):
 
 
 @pytest.mark.parametrize("name", MODULES)
-def test_everything_has_a_docstring_and_arrays_have_shapes(name):
+def test_everything_has_a_docstring_of_its_own_and_arrays_have_shapes(name):
     """Docstrings of functions that return an array have its shape, or a reference, in brackets."""
     module = importlib.import_module(name)
     assert module.__doc__ and module.__doc__.strip()
     assert [symbol for symbol, _, text in public(module) if not text] == []
+    # Neither a noun phrase nor a sentence: "Of the cloth.", "As of `Side`.", "See `X`."
+    fragment = re.compile(r"(As of|In|Of|See|That|The same|What|Where|Whose) ")
+    texts = [("", module.__doc__), *((symbol, text) for symbol, _, text in public(module))]
+    assert [symbol for symbol, text in texts if fragment.match(text)] == []
     shapeless = [
         symbol
         for symbol, function, text in public(module)

@@ -66,7 +66,7 @@ def test_a_hanging_rope_stretches_by_the_weight_below():
 
 @pytest.mark.parametrize("weight", [1.0, 20.0])
 def test_a_weight_stretches_a_rope_by_force_over_stiffness(weight):
-    """[N]"""
+    """Weights are in newtons."""
     scene = FlexScene(rope(straight(41, PIECE)), floor=False, gravity=(0, 0, 0))
     scene.hold(0)
     scene.data.qfrc_applied[scene.dofs[-1, 0]] = weight

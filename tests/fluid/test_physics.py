@@ -72,9 +72,7 @@ def test_a_step_is_that_of_the_reference():
     ],
 )
 def test_a_column_comes_to_rest_at_its_height(columns, layers, spacing, most, speed):
-    """Fine and coarse: with the square root of the spacing change times, with its 3/2th power
-    viscosity.
-    """
+    """Times scale with the square root of the spacing, viscosity with its power of 3/2."""
     cup = FluidCup(columns, layers, spacing=spacing, viscosity=2e-4 * (spacing / SPACING) ** 1.5)
     energies = []
     for _ in range(6):

@@ -47,7 +47,7 @@ class Fluid:
 
     @property
     def particle_mass(self) -> float:
-        """[kg]"""
+        """Mass of a particle [kg]."""
         return self.density * self.spacing**3
 
 

@@ -24,8 +24,10 @@ def test_a_rag_hangs_from_the_open_grippers():
 
 
 def test_a_hung_rag_bears_its_weight():
-    """In a sheet that hangs still the integral over its area of the stress along Z is its weight
-    times the distance of its center of mass below the grips: the virial theorem.
+    """Compares the stress in a sheet that hangs still with the virial theorem.
+
+    The integral over its area of the stress along Z is its weight times the distance of its center
+    of mass below the grips.
     """
     fabric = Fabric.named("pink_ribbon")
     scene = RagScene("quasi_static", 0.01, SIZE, SPACING)

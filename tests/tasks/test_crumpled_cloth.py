@@ -1,3 +1,5 @@
+"""Start states of crumpled cloth."""
+
 import functools
 
 import numpy as np

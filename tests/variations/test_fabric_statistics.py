@@ -45,7 +45,7 @@ def test_densities_and_stiffness_go_together_as_in_the_table(fabrics, row):
 
 
 def test_stiffness_grows_with_density_as_was_found(fabrics):
-    """ln B = 1.19 ln density + const, of all: fitted by others to the whole table."""
+    """Published fit to the whole table: ln B = 1.19 ln density + const."""
     slope, _ = np.polyfit(np.log(fabrics["density"]), np.log(fabrics["bend_bias"]), 1)
     assert slope == pytest.approx(1.19, abs=0.12)
 
