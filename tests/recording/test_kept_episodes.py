@@ -211,4 +211,4 @@ def test_ctrl_c_says_how_to_go_on(capsys, monkeypatch):
     with pytest.raises(SystemExit) as ended:
         commands.main()
     assert ended.value.code == 130
-    assert "interrupted; 1 episodes of straighten_rope are kept" in capsys.readouterr().err
+    assert "interrupted; 1 episodes of straighten_rope are stored" in capsys.readouterr().err
