@@ -8,7 +8,8 @@ from softgym_mj.cli import training
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.frames import pictured
 from softgym_mj.learning.learner import Problem, Step
-from softgym_mj.learning.methods.distill import LABEL, Distill, DistillSettings, Student
+from softgym_mj.learning.methods.distill import LABEL, Distill, DistillSettings
+from softgym_mj.learning.methods.students import Student
 from softgym_mj.learning.registry import find_method
 
 SIZE = 35

@@ -14,7 +14,8 @@ from torch import Tensor
 from softgym_mj.learning.demonstrations import check_demonstrations, collect_images
 from softgym_mj.learning.frames import Frames
 from softgym_mj.learning.learner import Problem, Step
-from softgym_mj.learning.methods.distill import LABEL, Distill, StudentSettings
+from softgym_mj.learning.methods.distill import LABEL, Distill
+from softgym_mj.learning.methods.students import StudentSettings
 from softgym_mj.recording.noise import check_noise
 from softgym_mj.validation import typed
 

@@ -14,7 +14,8 @@ from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.learning.learner import Learner, Problem, Step
-from softgym_mj.learning.methods.distill import Distill, Observation, StudentSettings
+from softgym_mj.learning.methods.distill import Distill
+from softgym_mj.learning.methods.students import Observation, StudentSettings
 from softgym_mj.learning.registry import find_preset
 from softgym_mj.validation import typed
 
