@@ -41,8 +41,8 @@ def open_folder(
         differ.append(f"content of {', '.join(changed)}")
     if differ:
         raise StoreError(
-            f"{path} holds an evaluation with another {', '.join(differ)}; choose "
-            "another folder or delete it"
+            f"{path} holds an evaluation with another {', '.join(differ)}: pass another "
+            "folder (--out) or delete this one"
         )
     machines = result.get("machines", [])
     if (own := machine()) not in machines:

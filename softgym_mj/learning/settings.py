@@ -81,12 +81,13 @@ class TrainingSettings:
         for name in ("env_steps", "part"):
             if getattr(self, name) % self.num_envs:
                 raise InvalidArgumentError(
-                    name, getattr(self, name), f"{self.num_envs} times a number"
+                    name, getattr(self, name), f"{self.num_envs} times a number (num_envs)"
                 )
         if self.learned_steps is not None:
             check_count("learned_steps", self.learned_steps, 1)
         if self.env_steps % self.part:
-            raise InvalidArgumentError("env_steps", self.env_steps, f"{self.part} times a number")
+            valid = f"{self.part} times a number (part)"
+            raise InvalidArgumentError("env_steps", self.env_steps, valid)
 
     @property
     def observations(self) -> tuple[str, ...]:

@@ -50,7 +50,7 @@ def symmetries(env: Environment) -> list[Symmetry]:
     """
     task = env.task
     if not task.symmetries:
-        valid = "one whose class has `symmetries`: see softgym_mj.tasks.shared.symmetry"
+        valid = "one whose class has `symmetries`; or set symmetric to False"
         raise InvalidArgumentError("task", env.name, valid)
     if task.actor.name != "picker":
         raise InvalidArgumentError("actor", task.actor.name, "'picker'")

@@ -136,5 +136,5 @@ def test_a_file_for_each_seed(tmp_path):
     assert list(result["policy_sha256"]) == [name.replace("{seed}", str(i)) for i in range(2)]
     exported(tmp_path / "run_1.pt2", seed=7)
     assert evaluate(one, folder)["seeds"] == [0]
-    with pytest.raises(StoreError, match=r"another content of .*run_1\.pt2;"):
+    with pytest.raises(StoreError, match=r"another content of .*run_1\.pt2:"):
         evaluate(dataclasses.replace(one, seeds=(0, 1)), folder)
