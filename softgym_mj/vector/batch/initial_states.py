@@ -117,16 +117,15 @@ class InitialStateCache:
             return
         pickled = cloudpickle.dumps((self._make, type(self._physics), self._cameras.observed))
         shares = [missing[i : i + _SHARE] for i in range(0, len(missing), _SHARE)]
-        # On the CPU first: a GPU gets one array per name instead of a small one per variation.
-        host, order = PaddedRows(len(missing), CpuDevice()), list[int]()
+        # Put together: a GPU gets one array per name instead of a small one per variation.
+        rows: dict[int, dict[str, Any]] = {}
         with ProcessExecutor(min(num_cores(), len(shares))) as executor:
             for i, found in executor.results(read_starts, [(pickled, s) for s in shares]):
                 for variation, values in zip(shares[i], found, strict=True):
-                    host.put(len(order), self._row(values))
-                    order.append(variation)
+                    rows[variation] = self._row(values)
         first = len(self._known)
-        self.rows.put_all(first, host, len(order))
-        self._known.update(zip(order, range(first, first + len(order)), strict=True))
+        self.rows.put_all(first, [*rows.values()])
+        self._known.update(zip(rows, range(first, first + len(rows)), strict=True))
 
     def row(self, variation: int) -> int:
         """Returns the row of the initial state of a variation."""

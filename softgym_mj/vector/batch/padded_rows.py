@@ -1,13 +1,12 @@
 """`PaddedRows`: nested arrays with a row per episode, padded with zeros to a common size."""
 
 import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
-
-import numpy as np
 
 from softgym_mj.batch.device import Device
 from softgym_mj.metrics import Array
+from softgym_mj.tasks.shared.state import stack
 
 
 class PaddedRows:
@@ -33,38 +32,23 @@ class PaddedRows:
 
     def put(self, i: int, values: Mapping[str, Any]) -> None:
         """Sets row `i`; all rows must have the same names and numbers of dimensions."""
-        while i >= self._number:
+        self.put_all(i, [values])
+
+    def put_all(self, first: int, rows: Sequence[Mapping[str, Any]]) -> None:
+        """Sets rows from `first` on, with one array per name for the device."""
+        while first + len(rows) > self._number:
             self._number *= 2
-        self._put(self.whole, i, values)
+        self._put(self.whole, slice(first, first + len(rows)), stack(rows))
 
-    def _put(self, whole: dict[str, Any], i: int, values: Mapping[str, Any]) -> None:
-        for name, value in values.items():
-            if isinstance(value, Mapping):
-                self._put(whole.setdefault(name, {}), i, value)
+    def _put(self, whole: dict[str, Any], at: slice, rows: Mapping[str, Any]) -> None:
+        for name, array in rows.items():
+            if isinstance(array, dict):
+                self._put(whole.setdefault(name, {}), at, array)
                 continue
-            array = np.asarray(value)
-            whole[name] = self._grown(whole.get(name), array.shape, array.dtype.name)
-            whole[name][i] = 0
-            part = tuple(slice(size) for size in array.shape)
-            whole[name][i, ...][part] = self._device.put(array)
-
-    def put_all(self, first: int, others: "PaddedRows", count: int) -> None:
-        """Sets rows from `first` on to the first `count` rows of `others`, which are on the CPU."""
-        while first + count > self._number:
-            self._number *= 2
-        self._put_all(self.whole, others.whole, slice(first, first + count), count)
-
-    def _put_all(
-        self, whole: dict[str, Any], others: Mapping[str, Any], at: slice, count: int
-    ) -> None:
-        for name, other in others.items():
-            if isinstance(other, Mapping):
-                self._put_all(whole.setdefault(name, {}), other, at, count)
-                continue
-            whole[name] = self._grown(whole.get(name), other.shape[1:], other.dtype.name)
+            shape = array.shape[1:]
+            whole[name] = self._grown(whole.get(name), shape, array.dtype.name)
             whole[name][at] = 0
-            part = tuple(slice(size) for size in other.shape[1:])
-            whole[name][(at, *part)] = self._device.put(other[:count])
+            whole[name][(at, *map(slice, shape))] = self._device.put(array)
 
     def _grown(self, whole: Array | None, shape: tuple[int, ...], dtype: str) -> Array:
         """Returns an array whose rows have at least `shape`, with the old content."""
