@@ -1,4 +1,4 @@
-"""Returns outlines of what is in an environment: boxes around parts, surfaces of objects."""
+"""Outlines of what is in an environment: boxes around parts, surfaces of objects."""
 
 from collections.abc import Sequence
 

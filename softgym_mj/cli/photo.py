@@ -43,9 +43,8 @@ def photo(
     file = out or pathlib.Path(f"{record.name}{ending}")
     if file.suffix.lower() != ending:
         raise InvalidArgumentError("out", str(file), f"a file that ends in {ending}")
-    view = photos.PhotoCamera(
-        camera, size, samples, denoise
-    )  # Checks its arguments before the episode.
+    # Made before the episode is played: it checks its arguments.
+    view = photos.PhotoCamera(camera, size, samples, denoise)
     env = softgym_mj.load(record, split="all", **for_people(record, actor, grasp))
     act = make_policy(policy, env, trust=trust)
     with progress_bar() as progress:
