@@ -21,7 +21,7 @@ from tools.pages import table
 
 RESULTS = pathlib.Path(__file__).parent.parent / "docs" / "results"
 FIGURE = RESULTS / "curves.png"
-_COLUMNS, _WIDTH, _HEIGHT, _DPI = 3, 3.6, 2.9, 150  # Of the figure; of a panel [inches].
+_COLUMNS, _WIDTH, _HEIGHT, _DPI = 3, 3.6, 3.6, 150  # Of the figure; of a panel [inches].
 # Results of start states that have been replaced since: (task, method, preset, observation).
 STALE = {
     ("spread_cloth", "sac", "fast", "markov"), ("straighten_rope", "sac", "fast", "reduced"),
@@ -215,7 +215,9 @@ def _panel(
     shown = {name: points for name, points in own.items() if name.task == task}
     for name, points in shown.items():
         steps, median, low, high = points.T
-        (line,) = axes.plot(steps / 1000, median, label=" ".join(name[1:]))
+        same = [other for other in shown if other[1:3] == name[1:3]]
+        label = ", ".join(name[1:] if len(same) > 1 else name[1:3])
+        (line,) = axes.plot(steps / 1000, median, label=label)
         color = line.get_color()
         axes.fill_between(steps / 1000, low, high, color=color, alpha=0.2, linewidth=0)
     comparable = {name[:3] for name in shown}
@@ -229,4 +231,5 @@ def _panel(
     axes.set_ylabel("normalized performance", fontsize="small")
     axes.tick_params(labelsize="x-small")
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(fontsize="x-small", frameon=False)
+    below = {"loc": "upper left", "bbox_to_anchor": (0.0, -0.27)}  # [panels]
+    axes.legend(fontsize="x-small", frameon=False, borderaxespad=0.0, **below)
