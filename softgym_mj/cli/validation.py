@@ -1,14 +1,15 @@
-"""The command `softgym-mj validate lab`: simulated cloth against theory."""
+"""The commands `softgym-mj validate ...`: simulations against theory and recordings."""
 
+import dataclasses
 import pathlib
 from typing import Annotated
 
 import typer
 
 from softgym_mj.cli.console import console
-from softgym_mj.storage.files import make_folder
+from softgym_mj.storage.files import make_folder, write_json
 
-app = typer.Typer(help="Simulated cloth against theory.", no_args_is_help=True)
+app = typer.Typer(help="Simulations against theory and recordings.", no_args_is_help=True)
 
 _TITLES = "measured", "theory", "off %", "bound %"
 _LINE = "{:<36} {:<21} {:>10} {:>10} {:>7} {}"
@@ -17,7 +18,7 @@ _SHOWN = ("cells", "load")  # Settings of an experiment that are printed.
 
 @app.callback()
 def validate() -> None:
-    """Simulated cloth against theory."""
+    """Compares simulations with theory and with recordings."""
 
 
 @app.command()
@@ -63,3 +64,41 @@ def lab(
         console.print(f"wrote {' and '.join(map(str, write(result, out)))}")
     if failed:
         raise typer.Exit(1)
+
+
+_ROPE_LINE = "{:<6} {:<38} {:>10} {:>9} {:>8} {:>9} {}"
+
+
+@app.command()
+def rope(
+    folder: Annotated[
+        pathlib.Path | None, typer.Argument(help="Folder data_set of the recordings.")
+    ] = None,
+    cable: Annotated[
+        list[str] | None, typer.Option(help="DLO1 to DLO5, repeatable; default: all.")
+    ] = None,
+    split: Annotated[str, typer.Option(help="eval or train.")] = "eval",
+    out: Annotated[pathlib.Path | None, typer.Option(help="JSON file of the results.")] = None,
+) -> None:
+    """Predicts five seconds of recorded cables held by two robots; downloads nothing.
+
+    Errors are mean absolute errors per coordinate, open loop.
+    """
+    from softgym_mj.reality.rope.experiment import measure
+    from softgym_mj.reality.rope.recordings import CABLES, read_recordings
+    from softgym_mj.reality.rope.scenario import EndsInterpolated, NothingMoves
+
+    titles = "all [mm]", "free [mm]", "worst", "real time", "models"
+    recordings = {name: read_recordings(folder, name, split) for name in cable or CABLES}
+    typer.echo(_ROPE_LINE.format("cable", "solver", *titles))
+    found = []
+    for own in recordings.values():
+        for solver in (NothingMoves(), EndsInterpolated()):
+            m = measure(solver, own)
+            found.append(dataclasses.asdict(m))
+            numbers = [f"{1e3 * v:.1f}" for v in (m.error, m.free_error, m.worst)]
+            speed = f"{m.real_time_factor:.0f}" if m.models else ""
+            typer.echo(_ROPE_LINE.format(m.cable, m.solver, *numbers, speed, ", ".join(m.models)))
+    if out is not None:
+        write_json(out, {"split": split, "measurements": found})
+        console.print(f"wrote {out}")

@@ -184,6 +184,7 @@ COMMANDS: dict[str, tuple[dict[str, str], list[str]]] = {
     "learning submit": ({}, ["--jobs", "--device"]),
     "learning queue": ({"--results": "results"}, ["--results"]),
     "validate lab": ({"--fabric": "nope"}, ["--experiment", "--out"]),
+    "validate rope": ({}, ["--cable", "--split", "--out"]),
     "identify rags": ({"--out": "file/below"},
                       ["--cloth", "--fabric", "--density", "--width", "--length", "--table",
                        "--spacing", "--seeds", "--evaluations", "--jobs"]),

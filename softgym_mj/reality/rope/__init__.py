@@ -1,0 +1,1 @@
+"""Cables held by two robots, simulated against recordings of their markers."""
