@@ -15,7 +15,7 @@ from softgym_mj.tasks.shared.starts.cloths import HangingCloth
 from softgym_mj.tasks.shared.state import Episode, State
 from softgym_mj.tasks.shared.symmetry import mirrored
 
-SIZES = (60, 100)  # [particles] The upper end is exclusive (docs/softgym.md 5, row 27).
+SIZES = (60, 100)  # [particles] The upper end is exclusive (docs/softgym.md 5, row 23).
 
 
 class DropCloth(LaidCloth):

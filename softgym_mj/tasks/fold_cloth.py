@@ -28,7 +28,7 @@ class FoldCloth(LaidCloth):
     Horizon: 100 env steps of 8 sim steps; nothing else ends an episode.
     Start: the cloth lies flat, rotated by up to 45 degrees, with sides of 60 to 119 particles; the
     two pickers start 0.1 m above the middle of column 0. The workspace reaches 0.8 m from there
-    along X and Y; SoftGym's is too small for 73 % of the folds (docs/softgym.md 5, row 29).
+    along X and Y; SoftGym's is too small for 73 % of the folds (docs/softgym.md 5, row 25).
     """
 
     summary = "Fold a flat cloth in half."

@@ -29,7 +29,7 @@ class FoldCrumpledCloth(LaidCloth):
     Start: the cloth, with sides of 60 to 119 particles, is lifted and dropped as in SpreadCloth;
     the two pickers start 0.2 m above the origin, or higher above a high pile. The workspace reaches
     0.8 m from there along X and Y; SoftGym's is too small for 73 % of the folds (docs/softgym.md 5,
-    row 29).
+    row 25).
     """
 
     summary = "Spread a crumpled cloth, then fold it in half."

@@ -93,7 +93,7 @@ class PourWaterAmount(Task):
     Bounds: lower = performance at reset, upper = 0 (SoftGym's 1 cannot be reached).
     Horizon: 100 env steps of 8 sim steps, as in PourWater, so that its policies fit; nothing else
     ends an episode. SoftGym's code simulates 16 sim steps at half the speed by mistake
-    (docs/softgym.md 5, row 49).
+    (docs/softgym.md 5, row 41).
     Start: 224 to 8788 of SoftGym's particles at rest in a cup that fits them, and a target cup 0.27
     to 1.3 m away (docs/softgym.md 3.2), at least 2 cm clear.
     """
@@ -167,5 +167,5 @@ def _goal_entries(episode: Episode) -> dict[str, Entry]:
 
 
 def goal_share(variation: int) -> float:
-    """Returns the fraction of the water to pour in a variation (docs/softgym.md 5, row 13)."""
+    """Returns the fraction of the water to pour in a variation (docs/softgym.md 5, row 10)."""
     return float(generator("pour_water_amount", variation).uniform(0.1, 1.0))

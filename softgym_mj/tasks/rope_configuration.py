@@ -76,7 +76,7 @@ class RopeConfiguration(Task):
     Reward = performance: -(mean distance of the 10 key points from those of the goal, matched to
     minimize it) [m]; of all vertices with `matching="vertices"`.
     Bounds: lower = performance at reset, upper = 0. The goal has the rope's length and rests on the
-    floor, so it can be reached; SoftGym's hovers at 5 cm (docs/softgym.md 5, rows 23 and 24).
+    floor, so it can be reached; SoftGym's hovers at 5 cm (docs/softgym.md 5, rows 19 and 20).
     Horizon: 100 env steps of 8 sim steps; nothing else ends an episode.
     Start: as in StraightenRope: the rope is dragged four times by a random vertex, and the two
     pickers start 0.1 m above the floor around the center of its bounding box.

@@ -26,7 +26,7 @@ LIMITS = Track(-0.25, 1.4)  # [m]
 BASE_X = 0.7  # [m] Base of an arm.
 SPILL_PENALTY = 10.0  # [m] Penalty if all water is spilled.
 
-# Low viscosity, so that it sloshes, which makes the task hard (docs/softgym.md 5, row 46): 50 times
+# Low viscosity, so that it sloshes, which makes the task hard (docs/softgym.md 5, row 38): 50 times
 # that of water, about the particles' own exchange of momentum.
 LIQUID = Liquid(viscosity=5e-5, cohesion=1.0)
 

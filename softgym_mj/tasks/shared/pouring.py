@@ -20,7 +20,7 @@ MAX_STEP = (0.01, 0.01, 0.015)  # [m, m, rad] per sim step: 1 m/s and 1.5 rad/s.
 BASE_X = 0.5  # [m] Base of an arm.
 
 # SoftGym's ratio of 20 in viscosity and 5 in cohesion to TransportWater (docs/softgym.md 1.3; 5,
-# row 46), at values with which the water leaves the lip as a jet and splashes little.
+# row 38), at values with which the water leaves the lip as a jet and splashes little.
 LIQUID = Liquid(viscosity=1e-3, cohesion=5.0)
 
 
