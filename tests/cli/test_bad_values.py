@@ -85,7 +85,7 @@ def test_texts_of_users_are_no_markup(capsys, monkeypatch, tmp_path):
     assert status == 0 and "[/b] and [red]" in printed
 
 
-@pytest.mark.parametrize(("method", "preset"), [("sac", "night"), ("ppo", "fast")])
+@pytest.mark.parametrize(("method", "preset"), [("sac", "night"), ("rlpd", "fast")])
 def test_without_a_gpu_train_prints_the_command_for_a_cpu(
     method, preset, capsys, monkeypatch, tmp_path
 ):

@@ -14,12 +14,19 @@ import torch
 
 from softgym_mj.exceptions import StoreError
 from softgym_mj.learning.checkpoints import FILE, PREVIOUS, alone, read_checkpoint, write_checkpoint
+from softgym_mj.learning.registry import find_method
+from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.training import Training
-from tests.learning import test_ppo
+
+METHOD = find_method("sac", hidden=(8,), random_steps=4, updates=2, batch=4, replay=16)
+SETTINGS = TrainingSettings(
+    "straighten_rope", env_steps=24, num_envs=2, part=12, evaluate_every=2, episodes=1,
+    final_episodes=1, fidelity="fast", episode_steps=6,
+)  # fmt: skip
 
 
 def _training(folder):
-    return Training(test_ppo.SETTINGS, test_ppo.METHOD, [4, 9], folder, "host")
+    return Training(SETTINGS, METHOD, [4, 9], folder, "host")
 
 
 # ---------------------------------------------------------------------- damaged files
@@ -93,11 +100,11 @@ def test_single_bits_are_noticed(folder, tmp_path):
 @pytest.mark.parametrize(
     "change",
     [
-        lambda state: state["learner"].pop("policies"),
-        lambda state: state["learner"].update(policies={}),
-        lambda state: state["learner"].update(random=[]),
-        lambda state: state["learner"]["values"].update(
-            {name: array[:1] for name, array in state["learner"]["values"].items()}
+        lambda state: state["learner"].pop("algorithm"),
+        lambda state: state["learner"].update(algorithm={}),
+        lambda state: state["learner"].update(noise=[]),
+        lambda state: state["learner"]["algorithm"]["critics"].update(
+            {name: a[:1] for name, a in state["learner"]["algorithm"]["critics"].items()}
         ),
         lambda state: state.update(learner=None),
         lambda state: state.update(part=[]),

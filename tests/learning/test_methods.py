@@ -36,11 +36,6 @@ CASES = {
          "critics": 3, "discount": 0.9, "final_discount": 0.99, "discount_schedule": (4, 20)},
     ),
     "bc": (ROPE, {**SHOWN, "hidden": (8,), "batch": 4}),
-    # A part ends in the midst of a rollout.
-    "ppo": (
-        dataclasses.replace(ROPE, part=12, evaluate_every=2),
-        {"steps": 4, "epochs": 2, "minibatches": 2, "hidden": (16,)},
-    ),
     "curl": (PIXELS, {**IMAGES, "crop": 30}),
     "drq": (PIXELS, {**IMAGES, "pad": 1}),
     "bc_images": (
@@ -93,13 +88,10 @@ def _case(name):
     """Settings of a training and of its method; of larger ones, those of their own tests."""
     if name in CASES:
         return CASES[name]
-    from tests.learning import test_planet, test_tdmpc2, test_wu
+    from tests.learning import test_planet, test_wu
 
-    own = {"planet": test_planet, "tdmpc2": test_tdmpc2, "wu": test_wu}[name]
-    settings = dataclasses.asdict(own.METHOD.settings)
-    if name == "tdmpc2":
-        settings["plans"] = "always"  # It remembers them.
-    return own.SETTINGS, settings
+    own = {"planet": test_planet, "wu": test_wu}[name]
+    return own.SETTINGS, dataclasses.asdict(own.METHOD.settings)
 
 
 def same(first, second):
@@ -192,10 +184,6 @@ BAD_SETTINGS = {
     "sac_points": [("points", ()), ("points", (8, 0)), ("tau", 0.0)],
     "rlpd": [("critics", 0), ("least_of", 11), ("demonstrations", 0), ("tau", 0.0)],
     "bc": [("rate", 0.0), ("batch", 0), ("demonstrations", 801), ("jobs", 0), ("noise", 1.5)],
-    "ppo": [
-        ("steps", 0), ("trace", 1.5), ("rate", 0.0), ("value_weight", -1.0),
-        ("largest_gradient", 0.0), ("target_divergence", 0.0),
-    ],
     "curl": [("crop", 14), ("encoder_rate", 0.0), ("encoder_tau", 1.5)],
     "drq": [("pad", -1)],
     "wu": [("channels", (0,)), ("best_share", 0.0), ("symmetric", True)],
@@ -203,12 +191,6 @@ BAD_SETTINGS = {
     "bc_images": [("demonstrations", 0), ("jobs", 0), ("frames", 0)],
     "planet": [
         ("bits", 9), ("elites", 1001), ("length", 1), ("rate", 0.0), ("noise", -1.0), ("batch", 0)
-    ],
-    "tdmpc2": [
-        ("latent", 10), ("hidden", ()), ("dropout", 1.0), ("log_std", (1.0, 0.0)), ("bins", 1),
-        ("elites", 600), ("proposals", 513), ("temperature", 0.0), ("std", (0.0, 1.0)),
-        ("plans", "sometimes"), ("updates", 0), ("rho", 0.0), ("entropy", -1.0),
-        ("largest_gradient", 0.0), ("critics", 1), ("horizon", 0),
     ],
     "teacher_student": [("teacher_env_steps", 0), ("batch", 0), ("teacher_share", 1.5)],
 }  # fmt: skip
