@@ -2,6 +2,7 @@
 
 import json
 import pathlib
+import re
 from collections.abc import Sequence
 from typing import Annotated, Any
 
@@ -55,9 +56,18 @@ PUBLISHED = "docs/results/policies/{}.pt2"  # Policies in a checkout of the repo
 
 
 def policy_file(name: str) -> str:
-    """Returns the file of a published policy, such as straighten_rope-sac; other names as given."""
-    file = PUBLISHED.format(name)
-    return file if pathlib.Path(file).is_file() else name
+    """Returns the file of a published policy, such as straighten_rope-sac; other names as given.
+
+    Raises:
+        InvalidArgumentError: for the name of a published policy outside of a clone.
+    """
+    file = pathlib.Path(PUBLISHED.format(name))
+    if file.is_file():
+        return str(file)
+    if re.fullmatch(rf"({'|'.join(TASKS)})-\w+", name) and not file.parent.is_dir():
+        valid = f"FILE.pt2, or this name in the folder of a clone, which has {file.parent}"
+        raise InvalidArgumentError("policy", name, valid)
+    return name
 
 
 def given(**options: str | None) -> dict[str, Any]:
@@ -108,7 +118,7 @@ def first_variations(split: str, episodes: int, start: int | None = None) -> Seq
             raise InvalidArgumentError("start", start, valid)
         indices = indices[indices.index(start) :]
     if not 1 <= episodes <= len(indices):
-        valid = f"1..{len(indices)}, as {split!r} has no more from variation {indices[0]} on"
+        valid = f"1..{len(indices)}, the number of variations of {split!r} from {indices[0]} on"
         raise InvalidArgumentError("episodes", episodes, valid)
     return indices[:episodes]
 

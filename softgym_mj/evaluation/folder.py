@@ -41,8 +41,8 @@ def open_folder(
         differ.append(f"content of {', '.join(changed)}")
     if differ:
         raise StoreError(
-            f"{path} holds an evaluation with another {', '.join(differ)}: pass another "
-            "folder (--out) or delete this one"
+            f"{path} holds an evaluation with another {', '.join(differ)}: type --out and a new "
+            f"folder, such as --out {path}_2, or delete {path}"
         )
     machines = result.get("machines", [])
     if (own := machine()) not in machines:

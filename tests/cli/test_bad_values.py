@@ -27,6 +27,8 @@ REFUSED = {
     "trust": ["train", "distill", ROPE, "--teacher", str(RESULTS / "policies/fold_cloth-sac.pt2")],
     "no teacher": ["train", "distill", ROPE, "--device", "host"],
     "observations": ["train", "sac", ROPE, "--device", "host", "--observation", "rgb,held"],
+    "published outside of a clone": ["evaluate", ROPE, "--policy", "straighten_rope-sac"],
+    "more episodes than variations": ["record", ROPE, "--episodes", "900"],
     "markup of a task": ["rollout", "[/b]"],
     "markup of a number": ["rollout", ROPE, "--episodes", "[/b]"],
     "markup of a folder": ["identify", "rags", "nowhere[/b]"],
@@ -39,6 +41,8 @@ WORDS = {
     "teacher": ["teacher='none.pt2'"], "trust": ["--trust"], "no teacher": ["--teacher"],
     "observations": ["observation=", "sac takes one"],
     "architecture": ["architecture='3'", "'90'"], "markup of a task": ["[/b]"],
+    "published outside of a clone": ["policy='straighten_rope-sac'", "clone"],
+    "more episodes than variations": ["episodes=900", "1..800"],
     "markup of a number": ["--episodes"], "markup of a folder": ["[/b]"],
 }  # fmt: skip
 
