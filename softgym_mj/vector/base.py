@@ -1,6 +1,5 @@
 """`VectorEnv`: a Gymnasium vector environment on any backend; `make_vec` builds it."""
 
-import operator
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NoReturn
 
@@ -222,13 +221,14 @@ def _seed_of_each(seed: Any, number: int) -> list[int | None]:
     """Seeds from one, which the next has one more of, from a sequence, or from None."""
     valid = f"a whole number, 0 or more, or {number} of them"
     try:
-        if seed is None or isinstance(seed, (int, np.integer)):
-            seeds = [None if seed is None else int(seed) + i for i in range(number)]
-        else:
-            seeds = [None if one is None else operator.index(one) for one in seed]
-    except TypeError:
+        if isinstance(seed, (int, np.integer)):
+            first = check_count("seed", seed, 0)
+            return list(range(first, first + number))
+        given = [None] * number if seed is None else list(seed)
+        seeds = [None if one is None else check_count("seed", one, 0) for one in given]
+    except (TypeError, InvalidArgumentError):
         raise InvalidArgumentError("seed", seed, valid) from None
-    if len(seeds) != number or any(one is not None and one < 0 for one in seeds):
+    if len(seeds) != number:
         raise InvalidArgumentError("seed", seed, valid)
     return seeds
 
