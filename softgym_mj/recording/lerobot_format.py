@@ -91,7 +91,6 @@ class LeRobot(Format):
         self._codec = codec
 
     def check_id(self, dataset: str) -> None:
-        """Raises `InvalidArgumentError` for an invalid id."""
         hub = import_extra("huggingface_hub.utils", "LeRobot", "lerobot")
         import_extra("lerobot", "LeRobot", "lerobot")
         try:
@@ -101,12 +100,10 @@ class LeRobot(Format):
             raise InvalidArgumentError("dataset", dataset, valid) from None
 
     def root(self) -> pathlib.Path:
-        """Returns the folder in which the library looks for datasets."""
         constants = import_extra("lerobot.utils.constants", "LeRobot", "lerobot")
         return pathlib.Path(constants.HF_LEROBOT_HOME)
 
     def check_observed(self, env: gymnasium.Env) -> None:
-        """Raises `InvalidArgumentError` for observations that the format cannot store."""
         observed = _played(env).observation_spec()
         if len(states := [name for name in _STATES if name in observed]) > len(_PLACES):
             valid = f"{len(_PLACES)} of {', '.join(states)}: LeRobot has no more places for states"
@@ -118,16 +115,13 @@ class LeRobot(Format):
                 raise InvalidArgumentError("image_size", (height, width), valid)
 
     def described(self) -> dict[str, Any]:
-        """Returns the format and its options, as JSON."""
         return {"format": "lerobot", "codec": self._codec}
 
     def load(self, dataset: str) -> Any:
-        """Returns a dataset, as the library reads it."""
         datasets = import_extra("lerobot.datasets.lerobot_dataset", "LeRobot", "lerobot")
         return datasets.LeRobotDataset(dataset, root=self.place(dataset))
 
     def summary(self, dataset: Any) -> tuple[int, int, str]:
-        """Returns numbers of episodes and env steps of a dataset, and the call that loads it."""
         return dataset.num_episodes, dataset.num_frames, f"LeRobotDataset({dataset.repo_id!r})"
 
     def build(
@@ -138,7 +132,6 @@ class LeRobot(Format):
         episodes: Iterable[Mapping[str, Any]],
         about: About,
     ) -> None:
-        """Writes a dataset to an empty folder, one episode after the other."""
         datasets = import_extra("lerobot.datasets.lerobot_dataset", "LeRobot", "lerobot")
         played, writer = _played(env), None
         names, actor, made = tuple(played.observation_spec()), played.task.actor, folder / "made"

@@ -30,7 +30,6 @@ class Minari(Format):
     observation = "reduced"
 
     def check_id(self, dataset: str) -> None:
-        """Raises `InvalidArgumentError` for an invalid id."""
         minari = import_extra("minari", "Minari", "datasets")
         try:
             minari.dataset.minari_dataset.parse_dataset_id(dataset)
@@ -42,21 +41,17 @@ class Minari(Format):
             raise InvalidArgumentError("dataset", dataset, valid) from None
 
     def root(self) -> pathlib.Path:
-        """Returns the folder in which the library looks for datasets."""
         storage = import_extra("minari.storage", "Minari", "datasets")
         with naming(os.environ.get("MINARI_DATASETS_PATH", "the folder of Minari"), "written"):
             return storage.get_dataset_path()
 
     def described(self) -> dict[str, Any]:
-        """Returns the format and its options, as JSON."""
         return {"format": "minari"}
 
     def load(self, dataset: str) -> Any:
-        """Returns a dataset, as the library reads it."""
         return import_extra("minari", "Minari", "datasets").load_dataset(dataset)
 
     def summary(self, dataset: Any) -> tuple[int, int, str]:
-        """Returns numbers of episodes and env steps of a dataset, and the call that loads it."""
         call = f"minari.load_dataset({dataset.spec.dataset_id!r})"
         return dataset.total_episodes, dataset.total_steps, call
 
@@ -68,7 +63,6 @@ class Minari(Format):
         episodes: Iterable[Mapping[str, Any]],
         about: About,
     ) -> None:
-        """Writes a dataset to an empty folder, one episode after the other."""
         minari = import_extra("minari", "Minari", "datasets")
         # `create_dataset_from_buffers` would need all episodes in memory and the final folder.
         storage = minari.dataset.minari_storage.MinariStorage.new(
