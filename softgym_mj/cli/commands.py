@@ -1,4 +1,4 @@
-"""The command line: softgym-mj list | demo | rollout | expert | evaluate | plot | ..."""
+"""The command line: softgym-mj list | demo | rollout | evaluate | plot | ..."""
 
 import logging
 import os
@@ -59,7 +59,6 @@ _PANELS: dict[str, dict[str, Callable[..., None]]] = {
         "list": playing.list_tasks,
         "view": view.view,
         "rollout": playing.rollout,
-        "expert": playing.expert,
         "photo": photo.photo,
     },
     "Policies": {

@@ -1,10 +1,9 @@
-"""Commands that list and play tasks: list, demo, rollout, expert."""
+"""Commands that list and play tasks: list, demo, rollout."""
 
 import functools
 import json
 import pathlib
-from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import rich.box
@@ -21,18 +20,16 @@ from softgym_mj.cli.console import (
     console,
     first_variations,
     for_people,
-    given,
     policy_file,
     progress_bar,
 )
-from softgym_mj.envs.environment import Environment
 from softgym_mj.policies.episodes import Episode, play
 from softgym_mj.policies.exported import observes
 from softgym_mj.policies.factory import SIMPLE
 from softgym_mj.registry import find
 from softgym_mj.rendering.look import PAPER
-from softgym_mj.rendering.offscreen import CameraView, write_picture
-from softgym_mj.storage.files import make_folder, write_json
+from softgym_mj.rendering.offscreen import write_picture
+from softgym_mj.storage.files import make_folder
 from softgym_mj.variations.indices import check_variation
 
 VIDEO_SIZE = 480  # Side of a video [pixels].
@@ -85,30 +82,15 @@ def demo(
             env = softgym_mj.load(record, split="all", look=look)
             bar = progress.add_task(name, total=env.horizon)
             advance = functools.partial(progress.advance, bar)
-            episode, stills = _demonstrate(env, variation, size, advance)
-            episode.video.write(file)
-            write_picture(stills[-1], file.with_suffix(".png"))
-            strips.append(np.hstack(stills))
+            episode = play(env, variation=variation, size=size, on_step=advance)
+            _write(episode, file)
+            strips.append(np.hstack(episode.frames[[0, env.horizon // 2, -1]]))
             progress.console.print(
                 f"{name}: normalized performance {_score(episode):.3f}; "
                 f"wrote {file} and {file.with_suffix('.png')}"
             )
     _write_sheet(strips, out / "tasks.png")
     console.print(f"wrote {out / 'tasks.png'}")
-
-
-def _demonstrate(
-    env: Environment, variation: int, size: int, advance: Callable[[], None]
-) -> tuple[Episode, list[np.ndarray]]:
-    """Plays the expert's episode; also returns pictures of its start, middle and end."""
-    stills, view = [], CameraView("task", size, size)
-
-    def on_step() -> None:
-        advance()
-        if env.step_count in (1, env.horizon // 2, env.horizon):
-            stills.append(view.rgb(env.physics))
-
-    return play(env, "scripted", variation, size=size, on_step=on_step), stills
 
 
 def rollout(
@@ -134,61 +116,15 @@ def rollout(
         make_folder(video)
     settings = {**for_people(record, actor, grasp, look), **observes(policy)}
     env = softgym_mj.load(record, split=split, **settings)
+    camera = None if video is None else "task"  # Images take most of the time.
     for index in variations:
-        episode = _played(env, policy, index, video is not None, seed=seed, trust=trust)
+        episode = play(env, policy, index, seed=seed, trust=trust, camera=camera, size=VIDEO_SIZE)
         if video is not None:
             _write(episode, video / f"{record.name}_{index:04d}.mp4")
         line = {"task": record.name, "actor": actor, "grasp": grasp, "policy": policy,
                 "variation": index, "normalized_performance": _score(episode),
                 "success": bool(episode.info["success"][-1])}  # fmt: skip
         typer.echo(json.dumps(line))
-
-
-def expert(
-    task: Task,
-    actor: Actor = None,
-    grasp: Grasp = None,
-    split: Annotated[str, typer.Option(help="train, evaluate or all.")] = "evaluate",
-    episodes: Annotated[int, typer.Option(help="Variations, from the first on.", min=1)] = 20,
-    look: Look = None,
-    out: Annotated[
-        pathlib.Path, typer.Option(help="Folder for the scores and a video of the first episode.")
-    ] = pathlib.Path("expert"),
-) -> None:
-    """Scores the scripted expert on the first variations of a split; writes JSON and a video."""
-    record = find(task)
-    settings = for_people(record, actor, grasp, look)
-    variations = first_variations(split, episodes)
-    make_folder(out)
-    env = softgym_mj.load(record, split=split, **settings)
-    name = "-".join([record.name, *given(actor=actor, grasp=grasp).values()])
-    scores: dict[int, float] = {}
-    with progress_bar() as progress:
-        bar = progress.add_task(record.name, total=len(variations))
-        for index in variations:
-            first = index == variations[0]
-            episode = _played(env, "scripted", index, first)
-            if first:
-                _write(episode, out / f"{name}.mp4")
-            scores[index] = _score(episode)
-            progress.advance(bar)
-    values = list(scores.values())
-    summary = {"task": record.name, "actor": actor, "grasp": grasp, "policy": "scripted",
-               "version": softgym_mj.__version__, "mean": float(np.mean(values)),
-               "min": min(values), "max": max(values),
-               "normalized_performance": scores}  # fmt: skip
-    file = out / f"{name}.json"
-    write_json(file, summary)
-    console.print(
-        f"{record.name}: mean {summary['mean']:.3f}, min {min(values):.3f}, "
-        f"max {max(values):.3f} of {len(values)}; wrote {file} and {out / name}.mp4"
-    )
-
-
-def _played(env, policy: str, variation: int, with_video: bool, **settings: Any) -> Episode:
-    """Plays an episode, with images only if asked for: they take most of the time."""
-    camera = "task" if with_video else None
-    return play(env, policy, variation, camera=camera, size=VIDEO_SIZE, **settings)
 
 
 def _score(episode: Episode) -> float:

@@ -6,11 +6,11 @@ import pytest
 from typer.testing import CliRunner
 
 import softgym_mj
-from softgym_mj.cli import commands, playing, view
+from softgym_mj.cli import commands, view
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.registry import TaskRecord
 
-COMMANDS = ("rollout", "expert", "record", "view")
+COMMANDS = ("rollout", "record", "view")
 
 
 def test_a_rollout_is_played_by_the_actor(monkeypatch):
@@ -26,17 +26,6 @@ def test_a_rollout_is_played_by_the_actor(monkeypatch):
         timestep = env.step(policy(timestep))
     assert (line["actor"], line["grasp"]) == ("sawyer", "friction")
     assert line["normalized_performance"] == env.info()["normalized_performance"]
-
-
-@pytest.mark.long
-def test_scores_name_the_actor(tmp_path, monkeypatch):
-    monkeypatch.setattr(playing, "VIDEO_SIZE", 64)  # Filming takes longer than the episode.
-    command = ["expert", "straighten_rope", "--episodes", "1", "--actor", "franka"]
-    result = CliRunner().invoke(commands.app, [*command, "--out", str(tmp_path)])
-    assert result.exit_code == 0, result.output
-    scores = json.loads((tmp_path / "straighten_rope-franka.json").read_text())
-    assert scores["actor"] == "franka"
-    assert scores["mean"] > 0.9  # Variation 800.
 
 
 @pytest.mark.parametrize("command", COMMANDS)

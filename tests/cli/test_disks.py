@@ -15,12 +15,11 @@ COMMANDS = {
                 *PLANNER.split(), "--out"],
     "rollout": ["rollout", "straighten_rope", "--policy", "zero", "--episodes", "1",
                 "--look", "fast", "--video"],
-    "expert": ["expert", "straighten_rope", "--episodes", "1", "--look", "fast", "--out"],
     "record": ["record", "straighten_rope", "--episodes", "2", "--settings", SHORT],
 }  # fmt: skip
 
 
-FILMED, SLOW = ("rollout", "expert"), pytest.mark.slow
+SLOW = pytest.mark.slow
 STAGES = (0, *(2**i << 10 for i in range(2, 13)))  # Space that is left [bytes].
 
 
@@ -54,7 +53,7 @@ def test_read_only(name, disk, monkeypatch, capsys):
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=SLOW if name in FILMED else ()) for name in COMMANDS]
+    "name", [pytest.param(name, marks=SLOW if name == "rollout" else ()) for name in COMMANDS]
 )
 def test_full(name, disk, monkeypatch, capsys):
     """The space that is left grows until it is enough; then nothing is left over."""

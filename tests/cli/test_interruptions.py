@@ -25,13 +25,12 @@ COMMANDS = {
     "plan": f"evaluate straighten_rope {PLANNER} --episodes 100",
     "rollout": "rollout straighten_rope --policy zero --episodes 100",
     "film": "rollout straighten_rope --policy zero --episodes 100 --video videos",
-    "expert": "expert straighten_rope --episodes 200",
     "demo": "demo --size 64",
     "record": "record straighten_rope --policy random --episodes 400 --dataset rope/x-v0",
 }
 # As the console script does: CPython ends `python -m` by the signal if it came within exec("").
 MAIN = "from softgym_mj_command import main; main()"
-LONG = ("film", "expert", "demo", "rollout", "generate by two", "evaluate", "plan")
+LONG = ("film", "demo", "rollout", "generate by two", "evaluate", "plan")
 
 
 def start(command, folder):
@@ -112,7 +111,6 @@ SHORT = {
     "generate by two": "generate straighten_rope --num 12 --jobs 2",
     "evaluate": "evaluate straighten_rope --policy random --episodes 8",
     "plan": f"evaluate straighten_rope {PLANNER} --episodes 4",
-    "expert": "expert straighten_rope --episodes 2",
     "film": "rollout straighten_rope --policy zero --episodes 2 --video videos",
     "record": "record straighten_rope --policy random --episodes 12 --dataset rope/x-v0",
 }

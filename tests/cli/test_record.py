@@ -118,7 +118,7 @@ def test_formats_by_the_command_line(capsys, monkeypatch):
         ("record straighten_rope --split every", "split='every'"),
         ("record straighten_rope --settings [1]", "settings='.1.' .*a JSON object"),
         ("""record straighten_rope --settings '{"seed": 1}'""", "settings=.*not 'seed'"),
-        ("expert straighten_rope --split train --episodes 801", r"episodes=801 .*1\.\.800"),
+        ("rollout straighten_rope --split train --episodes 801", r"episodes=801 .*1\.\.800"),
         ("evaluate straighten_rope --episodes 201", r"201 .*1\.\.200"),
         ("generate straighten_rope --start 999 --num 2", r"variation=1000 .*0\.\.999"),
         ("rollout nonsense", "task='nonsense' .*'spread_cloth'"),

@@ -158,7 +158,6 @@ WORDS = [
 COMMANDS: dict[str, tuple[dict[str, str], list[str]]] = {
     "rollout": ({"--episodes": "1", "--policy": "zero"},
                 ["--policy", "--actor", "--grasp", "--split", "--episodes", "--seed", "--video"]),
-    "expert": ({"--episodes": "1"}, ["--actor", "--grasp", "--split", "--episodes", "--out"]),
     "evaluate": ({"--episodes": "1", "--policy": "zero"},
                  ["--policy", "--actor", "--grasp", "--split", "--episodes", "--variations",
                   "--seeds", "--horizon", "--budget", "--iterations", "--replan-every",

@@ -3,7 +3,6 @@
 import copy
 import dataclasses
 import inspect
-import json
 import pathlib
 import re
 import shlex
@@ -112,7 +111,7 @@ def _folder(tmp_path_factory):
     return tmp_path_factory.mktemp("commands")
 
 
-LONG = ("softgym-mj photo", "softgym-mj expert")  # Rendering takes seconds.
+LONG = "softgym-mj photo"  # Rendering takes seconds.
 
 
 @pytest.mark.parametrize(
@@ -139,11 +138,6 @@ def test_commands_run(command, monkeypatch, folder):
     assert result.exit_code == 0, result.output
     if " list" in command:
         assert all(name[:10] in result.output for name in registry.TASKS)
-    if " expert " in command:
-        scores = json.loads((folder / "expert" / "straighten_rope.json").read_text())
-        assert list(scores["normalized_performance"]) == ["800", "801"]
-        assert scores["min"] <= scores["mean"] <= scores["max"]
-        assert (folder / "expert" / "straighten_rope.mp4").stat().st_size > 10_000
     if " rollout " in command:
         assert result.output.count('"normalized_performance"') == 2
 
