@@ -5,18 +5,10 @@ import json
 import os
 import pathlib
 import secrets
-import stat
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 from softgym_mj.exceptions import SoftGymError, StoreError
-
-try:
-    import fcntl
-except ImportError:  # Windows, which has no O_NONBLOCK either.
-    fcntl = None  # type: ignore[assignment]
-NONBLOCK = getattr(os, "O_NONBLOCK", 0)  # Opens a pipe without waiting for its other end.
-PARTIAL = ".{}.{}.partial"  # Name of a file while it is written.
 
 
 @contextlib.contextmanager
@@ -31,11 +23,8 @@ def naming(path: str | os.PathLike[str], action: str) -> Iterator[None]:
         yield
     except SoftGymError:
         raise
-    except (
-        OSError,
-        ValueError,
-        RuntimeError,
-    ) as error:  # Invalid paths, HDF5 and deeply nested JSON raise the last two.
+    # Invalid paths, HDF5 and deeply nested JSON raise the last two.
+    except (OSError, ValueError, RuntimeError) as error:
         reason = getattr(error, "strerror", None) or error
         raise StoreError(f"{path} cannot be {action}: {reason}") from error
 
@@ -46,13 +35,11 @@ def read_whole(file: str | os.PathLike[str]) -> bytes:
     Raises:
         StoreError: if there is no regular file: a pipe or a device may never end.
     """
-    with (
-        naming(file, "read"),
-        open(file, "rb", opener=lambda path, flags: os.open(path, flags | NONBLOCK)) as stream,
-    ):
-        if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
+    path = pathlib.Path(file)
+    with naming(file, "read"):
+        if path.exists() and not path.is_file():
             raise OSError("it is not a file")
-        return stream.read()
+        return path.read_bytes()
 
 
 def make_folder(folder: pathlib.Path) -> None:
@@ -69,43 +56,23 @@ def make_folder(folder: pathlib.Path) -> None:
 def whole(file: pathlib.Path) -> Iterator[pathlib.Path]:
     """Yields a temporary path that is renamed to `file` at the end; creates parent folders.
 
-    A killed process leaves the old file or none; the next writer removes its temporary file.
+    A killed process leaves the old file or none, and its temporary file, which is hidden.
 
     Raises:
         StoreError: if it cannot be written, or if `file` exists and is no regular file.
     """
-    partial = file.with_name(PARTIAL.format(file.name, secrets.token_hex(8)))
+    partial = file.with_name(f".{file.name}.{secrets.token_hex(8)}.partial")
     with naming(file, "written"):
         file.parent.mkdir(parents=True, exist_ok=True)
         if file.exists() and not file.is_file():
             raise OSError("it is not a file")
-        with _among_writers(file.parent):
-            try:
-                yield partial
-                with open(partial, "rb") as stream:
-                    os.fsync(stream.fileno())
-                os.replace(partial, file)
-            finally:
-                partial.unlink(missing_ok=True)
-
-
-@contextlib.contextmanager
-def _among_writers(folder: pathlib.Path) -> Iterator[None]:
-    """Holds a shared lock on a folder; a sole holder first removes files of killed processes."""
-    if fcntl is None:
-        yield
-        return
-    lock = os.open(folder, os.O_RDONLY)
-    try:
-        with contextlib.suppress(OSError):  # Another process writes, or there are no file locks.
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            for partial in folder.glob(PARTIAL.format("*", "*")):
-                partial.unlink(missing_ok=True)
-        with contextlib.suppress(OSError):
-            fcntl.flock(lock, fcntl.LOCK_SH)
-        yield
-    finally:
-        os.close(lock)
+        try:
+            yield partial
+            with open(partial, "rb") as stream:
+                os.fsync(stream.fileno())
+            os.replace(partial, file)
+        finally:
+            partial.unlink(missing_ok=True)
 
 
 def write_whole(file: pathlib.Path, content: bytes) -> None:

@@ -101,8 +101,8 @@ def sweep(command, folder, moments):
         if process.returncode == 0 or "exists; choose another id" in error:
             break  # The latter if the dataset was whole and only its process was not over.
         assert process.returncode == -signum, error
-    result = files(folder)
-    assert not [path for path in result if ".partial" in path or ".unfinished" in path]
+    result = {path: content for path, content in files(folder).items() if ".partial" not in path}
+    assert not [path for path in result if ".unfinished" in path]
     return result
 
 

@@ -3,17 +3,14 @@
 import multiprocessing
 import os
 import pathlib
-import signal
 import socket
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 
 from softgym_mj.exceptions import StoreError
 from softgym_mj.rendering.offscreen import Video, write_picture
-from softgym_mj.storage.files import PARTIAL, read_json, read_whole, whole, write_json, write_whole
+from softgym_mj.storage.files import read_json, read_whole, whole, write_json, write_whole
 
 LARGE = np.random.default_rng(0).integers(0, 256, (4, 512, 512, 3), np.uint8)  # Of 3 MB.
 WRITERS = {
@@ -110,26 +107,6 @@ def test_an_interruption_leaves_the_old_file(tmp_path):
             partial.write_bytes(b"new")
             raise error
     assert [path.name for path in tmp_path.iterdir()] == ["file"] and file.read_bytes() == b"old"
-
-
-def test_what_a_killed_writer_left_is_removed_by_the_next(tmp_path):
-    script = """
-import os, pathlib, signal, sys
-from softgym_mj.storage.files import whole
-with whole(pathlib.Path("killed")) as partial:
-    partial.write_bytes(b"half")
-    os.kill(os.getpid(), signal.SIGKILL)
-"""
-    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, check=False)
-    assert done.returncode == -signal.SIGKILL
-    (left,) = tmp_path.iterdir()
-    assert left.match(PARTIAL.format("killed", "*"))
-    with whole(tmp_path / "b") as partial:
-        assert not left.exists()
-        partial.write_bytes(b"b")
-        write_whole(tmp_path / "c", b"c")  # Leaves alone what others are writing.
-        assert partial.exists()
-    assert sorted(os.listdir(tmp_path)) == ["b", "c"]
 
 
 def write_often(folder, number):

@@ -121,7 +121,7 @@ def test_no_value_at_all(store):
             store.get(1)
     store.file(1).unlink()
     store.file(1).mkdir()
-    with pytest.raises(StoreError, match=r"0001\.value cannot be read: Is a directory"):
+    with pytest.raises(StoreError, match=r"0001\.value cannot be read: it is not a file"):
         store.get(1)
 
 
