@@ -4,7 +4,6 @@ import pathlib
 from collections.abc import Mapping
 from typing import Any
 
-from softgym_mj.evaluation.machine import machine
 from softgym_mj.exceptions import StoreError
 from softgym_mj.storage.files import read_json, write_json
 from softgym_mj.storage.store import JSON, Store
@@ -13,17 +12,12 @@ from softgym_mj.storage.store import JSON, Store
 _GROWS = ("variations", "seeds", "policy_sha256")
 
 
-def open_folder(
-    path: pathlib.Path, configuration: Mapping[str, Any]
-) -> tuple[Store, list[dict[str, Any]]]:
-    """Opens or creates the folder of a configuration.
+def open_folder(path: pathlib.Path, configuration: Mapping[str, Any]) -> Store:
+    """Opens or creates the folder of a configuration; returns its store by (variation, seed).
 
     Args:
         path: New folder, or one of the same configuration except for variations and seeds.
         configuration: Value of `Configuration.as_json`.
-
-    Returns:
-        The store of episodes by (variation, seed), and all machines that wrote to it.
 
     Raises:
         StoreError: if the folder has episodes of another configuration or a damaged file.
@@ -44,10 +38,6 @@ def open_folder(
             f"{path} holds an evaluation with another {', '.join(differ)}: type --out and a new "
             f"folder, such as --out {path}_2, or delete {path}"
         )
-    machines = result.get("machines", [])
-    if (own := machine()) not in machines:
-        machines = [*machines, own]
     store.claim()
-    grown = {"policy_sha256": known | hashes, "machines": machines}
-    write_json(file, {"specification": store.digest, **grown})
-    return store, machines
+    write_json(file, {"specification": store.digest, "policy_sha256": known | hashes})
+    return store

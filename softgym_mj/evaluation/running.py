@@ -78,7 +78,7 @@ def evaluate(
             and policies that read only observations).
 
     Returns:
-        The content of result.json: configuration, machines, `summary`, `secondary_metrics` and
+        The content of result.json: configuration, `summary`, `secondary_metrics` and
         `methods` of `statistics`, and the episodes.
 
     Raises:
@@ -91,7 +91,7 @@ def evaluate(
         check_policy(configuration.policy, device)
     executor, progress = executor or SerialExecutor(), progress or Progress()
     written = configuration.as_json()
-    store, machines = open_folder(pathlib.Path(folder), written)
+    store = open_folder(pathlib.Path(folder), written)
     episodes: dict[tuple[int, int], dict] = {}
 
     def add(key: tuple[int, int], episode: dict) -> None:
@@ -116,7 +116,6 @@ def evaluate(
     ordered = [episodes[key] for key in configuration.episodes]
     result = {
         **written,
-        "machines": machines,
         "summary": summary(ordered),
         "secondary_metrics": secondary_metrics(ordered),
         "methods": methods(ordered),

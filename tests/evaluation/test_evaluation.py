@@ -15,7 +15,6 @@ import softgym_mj
 from softgym_mj import evaluation
 from softgym_mj.cli import commands
 from softgym_mj.evaluation import Configuration, Planning, evaluate, running
-from softgym_mj.evaluation.machine import machine
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.parallel.executors import ProcessExecutor, RayExecutor
 from softgym_mj.policies.factory import make_policy
@@ -50,7 +49,6 @@ def test_an_episode_is_scored_at_its_last_step(tmp_path):
     # Variations differ, and seeds where the rope was touched.
     assert len({e["return"] for e in result["episodes"]}) >= 5
     assert result["protocol"] == evaluation.PROTOCOL
-    assert result["machines"] == [machine()] and set(machine()) == {"cpu"}
     assert result["versions"]["softgym_mj"] == softgym_mj.__version__
     assert json.loads((tmp_path / "result.json").read_text()) == result
 
