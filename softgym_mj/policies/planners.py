@@ -5,7 +5,7 @@ planners do not depend on an environment.
 """
 
 import dataclasses
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 
 import numpy as np
 
@@ -25,9 +25,7 @@ VARIANCE_FLOOR = 0.05**2
 # actions are alike; fraction of the elites that go on to the next iteration.
 COLOR, KEPT = 2.5, 0.3
 
-# Returns (n,) of action sequences (n, horizon, size).
-Score = Callable[[np.ndarray], np.ndarray]
-# Yields such sequences and is sent their returns.
+# Yields action sequences (n, horizon, size) and is sent their returns (n,).
 Search = Generator[np.ndarray, np.ndarray, "Plan"]
 
 
@@ -97,22 +95,6 @@ class CEM:
         rest = actions[steps:]
         return np.concatenate([rest, np.zeros((self.horizon - len(rest), actions.shape[1]))])
 
-    def plan(self, score: Score, guess: np.ndarray, random: np.random.Generator) -> Plan:
-        """Searches for the best sequence.
-
-        Args:
-            score: Maps sequences (n, horizon, size) to their returns (n,).
-            guess: Mean (horizon, size) of the first population.
-            random: Source of the samples.
-        """
-        search = self.search(guess, random)
-        samples = next(search)
-        while True:
-            try:
-                samples = search.send(score(samples))
-            except StopIteration as end:
-                return end.value
-
     def search(self, guess: np.ndarray, random: np.random.Generator) -> Search:
         """Searches for the best sequence; yields each population and is sent its returns.
 
@@ -179,25 +161,21 @@ class ICEM(CEM):
 PLANNERS = {"cem": CEM, "icem": ICEM}
 
 
-def usual_horizon(task: str) -> int:
-    """Returns env steps that a plan for a task looks ahead: `Task.planning_horizon`."""
-    return find(task).resolve().planning_horizon
-
-
 def make_planner(name: str, task: str, horizon: int | None = None, **settings) -> CEM:
     """Returns a planner by name.
 
     Args:
         name: One of `PLANNERS`.
         task: Task name, for the default horizon.
-        horizon: Env steps of a sequence; None for the task's.
+        horizon: Env steps of a sequence; None for the task's `planning_horizon`.
         **settings: `budget`, `iterations` and `variance` of `CEM`.
 
     Raises:
         InvalidArgumentError: for an unknown planner or invalid settings.
     """
     check_name("planner", name, PLANNERS)
-    return PLANNERS[name](usual_horizon(task) if horizon is None else horizon, **settings)
+    usual = find(task).resolve().planning_horizon
+    return PLANNERS[name](usual if horizon is None else horizon, **settings)
 
 
 def colored_noise(shape: tuple[int, ...], random: np.random.Generator) -> np.ndarray:
