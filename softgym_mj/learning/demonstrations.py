@@ -25,9 +25,8 @@ from softgym_mj.native.caches import cache_folder
 from softgym_mj.parallel.executors import make_executor
 from softgym_mj.policies.experts import sources_sha256
 from softgym_mj.policies.rollouts import sent_to
-from softgym_mj.recording.episodes import LABELS
+from softgym_mj.recording.episodes import LABELS, played
 from softgym_mj.recording.noise import check_noise
-from softgym_mj.recording.playing import played
 from softgym_mj.registry import TaskRecord
 from softgym_mj.storage.store import ARRAYS, Store
 from softgym_mj.variations.indices import SPLITS

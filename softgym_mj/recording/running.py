@@ -21,10 +21,9 @@ from softgym_mj.policies.experts import sources_sha256
 from softgym_mj.policies.rollouts import sent_to
 from softgym_mj.policies.saved import is_saved, sha256
 from softgym_mj.recording.datasets import EPISODES, About
-from softgym_mj.recording.episodes import LABEL, nested
+from softgym_mj.recording.episodes import LABEL, nested, played
 from softgym_mj.recording.formats import dataset_name, make_format
 from softgym_mj.recording.noise import check_noise
-from softgym_mj.recording.playing import played
 from softgym_mj.storage.store import ARRAYS, Store
 from softgym_mj.validation import typed
 from softgym_mj.variations.indices import SPLITS, check_settings, check_variation
