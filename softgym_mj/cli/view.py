@@ -5,10 +5,8 @@ from typing import Annotated
 import typer
 
 from softgym_mj.cli.console import Actor, Grasp, Look, Task, Trust, console, given
-from softgym_mj.exceptions import UnavailableError
 from softgym_mj.policies.factory import SIMPLE
 from softgym_mj.registry import find
-from softgym_mj.rendering.offscreen import has_display
 from softgym_mj.variations.indices import check_variation
 from softgym_mj.viewing.session import TELEOPERATE, Session
 
@@ -47,17 +45,11 @@ def view(
             console.print("Press Ctrl+C to stop")
             Browser(session, server).run()
         return
-    if not has_display():
-        raise UnavailableError(
-            "the viewer needs a display and neither DISPLAY nor WAYLAND_DISPLAY is set; "
-            f"use a browser: softgym-mj view {task} --browser, "
-            f"or make a video: softgym-mj rollout {task} --video videos"
-        )
     from softgym_mj.viewing.keys import keys_of
     from softgym_mj.viewing.window import Window, check_display
 
+    check_display(task)
     session = Session(task, policy, variation, trust=trust, **settings)
-    check_display()
     for key in keys_of(session.teleoperation):
         console.print(f"{key.label:>10}  {key.use}")
     Window(session).run()

@@ -153,7 +153,7 @@ class Browser:
     def _add_panel(self) -> None:
         session, gui = self._session, self._server.gui
         self._text = gui.add_markdown("")
-        others = dict.fromkeys(("scripted", session.status.policy))
+        others = dict.fromkeys(("scripted", session.policy))
         players = [YOU, *(name for name in others if name != TELEOPERATE)]
         self._player = gui.add_dropdown("played by", players, initial_value=YOU)
         self._pause = gui.add_button("pause")
@@ -235,14 +235,13 @@ class Browser:
                 box.value = closed
 
     def _write(self) -> None:
-        status = self._session.status
-        self._text.content = "\n".join(
-            ["| | |", "|---|---|", *(f"| {name} | **{value}** |" for name, value in status.rows())]
-        )
+        session = self._session
+        lines = (f"| {name} | **{value}** |" for name, value in session.status())
+        self._text.content = "\n".join(["| | |", "|---|---|", *lines])
         # Only changes are sent: a user may just have selected something else.
-        shown = status.policy, status.variation, status.paused
+        shown = session.policy, session.variation, session.paused
         if shown != self._shown:
             self._shown = shown
-            self._player.value = YOU if status.policy == TELEOPERATE else status.policy
-            self._variation.value = status.variation
-            self._pause.label = "go on" if status.paused else "pause"
+            self._player.value = YOU if session.policy == TELEOPERATE else session.policy
+            self._variation.value = session.variation
+            self._pause.label = "go on" if session.paused else "pause"

@@ -1,6 +1,5 @@
 """`Session`: a task in real time, controlled by a user or a policy, for any viewer."""
 
-import dataclasses
 import queue
 import time
 from collections.abc import Callable
@@ -59,42 +58,6 @@ class Pace:
             self._since, self._simulated = now, 0.0
 
 
-@dataclasses.dataclass(frozen=True)
-class Status:
-    """Status of an episode.
-
-    Attributes:
-        variation: index 0..999.
-        policy: name of the policy.
-        paused: whether the simulation is paused.
-        ended: whether the episode has ended, for policies only.
-        time: simulated time since its start [s].
-        reward: reward of the last env step.
-        normalized_performance: after the last env step.
-        speed: simulated time over real time.
-    """
-
-    variation: int
-    policy: str
-    paused: bool
-    ended: bool
-    time: float
-    reward: float
-    normalized_performance: float
-    speed: float
-
-    def rows(self) -> list[tuple[str, str]]:
-        """Returns names and values as text."""
-        state = "paused" if self.paused else "ended" if self.ended else "running"
-        return [
-            ("variation", str(self.variation)),
-            ("policy", f"{self.policy}, {state}"),
-            ("time", f"{self.time:.1f} s (x {self.speed:.1f})"),
-            ("reward", f"{self.reward:.3f}"),
-            ("normalized performance", f"{self.normalized_performance:.3f}"),
-        ]
-
-
 class Session:
     """Runs a task's environment step by step, with pictures in between.
 
@@ -104,6 +67,7 @@ class Session:
     Attributes:
         env: the environment; replaced when control changes between a user and a policy.
         teleoperation: the user's controller; None while a policy acts.
+        policy: name of the policy.
         paused: whether the simulation is paused.
         on_frame: called for every picture: after every second sim step, or as often if paused.
     """
@@ -151,7 +115,7 @@ class Session:
             variation: index 0..999; None for the same as before.
         """
         if variation is None:
-            variation = self.env.task.variation
+            variation = self.variation
         if policy is not None:
             self.env = self._environment(policy == TELEOPERATE)
             self.teleoperation: Teleoperation | None = None
@@ -159,7 +123,7 @@ class Session:
                 self.teleoperation = teleoperate(self.env)
             else:
                 self._act = make_policy(policy, self.env, trust=self._trust)
-            self._policy = policy
+            self.policy = policy
         self._timestep = self.env.reset(variation)
         if self.teleoperation is not None:
             self.teleoperation.start()
@@ -167,7 +131,7 @@ class Session:
 
     def play_next(self) -> None:
         """Starts an episode of the next variation."""
-        self.play(variation=(self.env.task.variation + 1) % NUM_VARIATIONS)
+        self.play(variation=(self.variation + 1) % NUM_VARIATIONS)
 
     def _environment(self, by_hand: bool) -> Environment:
         if by_hand not in self._envs:
@@ -207,15 +171,28 @@ class Session:
             self._timestep = self.env.step(self._act(self._timestep))
 
     @property
-    def status(self) -> Status:
-        """Current status of the episode."""
-        return Status(
-            variation=self.env.task.variation,
-            policy=self._policy,
-            paused=self.paused,
-            ended=self._timestep.last(),
-            time=self._sim_steps * SIM_STEP,
-            reward=self._timestep.reward or 0.0,
-            normalized_performance=float(self.env.info()["normalized_performance"]),
-            speed=self._pace.speed,
-        )
+    def variation(self) -> int:
+        """Index of the current variation."""
+        return self.env.task.variation
+
+    @property
+    def time(self) -> float:
+        """Simulated time since the start of the episode [s]."""
+        return self._sim_steps * SIM_STEP
+
+    @property
+    def ended(self) -> bool:
+        """Whether the episode of a policy has ended."""
+        return self._timestep.last()
+
+    def status(self) -> list[tuple[str, str]]:
+        """Returns names and values of the status as text; reward of the last env step."""
+        state = "paused" if self.paused else "ended" if self.ended else "running"
+        performance = float(self.env.info()["normalized_performance"])
+        return [
+            ("variation", str(self.variation)),
+            ("policy", f"{self.policy}, {state}"),
+            ("time", f"{self.time:.1f} s (x {self._pace.speed:.1f})"),
+            ("reward", f"{self._timestep.reward or 0.0:.3f}"),
+            ("normalized performance", f"{performance:.3f}"),
+        ]

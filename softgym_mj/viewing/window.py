@@ -42,18 +42,19 @@ def place_camera(camera: Any, env: Environment, name: str) -> None:
     camera.elevation = np.rad2deg(np.arcsin(np.clip(forward[2], -1.0, 1.0)))
 
 
-def check_display() -> None:
+def check_display(task: str) -> None:
     """Opens the display.
 
     Raises:
-        UnavailableError: if that fails.
+        UnavailableError: if that fails; the message has what works for `task` without a display.
     """
     import glfw
 
     if not glfw.init():
         raise UnavailableError(
-            "the display cannot be opened: is it there, and may this user draw on it? "
-            "Otherwise look on in a browser, with --browser"
+            "the viewer needs a display on which this user may draw; use a browser: "
+            f"softgym-mj view {task} --browser, "
+            f"or make a video: softgym-mj rollout {task} --video videos"
         )
     glfw.terminate()
 
@@ -159,7 +160,7 @@ class Window:
     def _write(self) -> None:
         """Shows the status and the keys, if they have changed."""
         session = self._session
-        rows = session.status.rows()
+        rows = session.status()
         teleoperation = session.teleoperation
         if teleoperation is not None:
             driven = " and ".join(teleoperation.names[part] for part in self._keyboard.driven)

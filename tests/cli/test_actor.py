@@ -6,9 +6,10 @@ import pytest
 from typer.testing import CliRunner
 
 import softgym_mj
-from softgym_mj.cli import commands, view
+from softgym_mj.cli import commands
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.registry import TaskRecord
+from softgym_mj.viewing import window
 
 COMMANDS = ("rollout", "record", "view")
 
@@ -37,7 +38,7 @@ def test_a_rollout_is_played_by_the_actor(monkeypatch):
     ],
 )
 def test_what_is_unknown_is_one_line(command, options, message, choices, capsys, monkeypatch):
-    monkeypatch.setattr(view, "has_display", lambda: True)
+    monkeypatch.setattr(window, "check_display", lambda task: None)
     arguments = ["softgym-mj", command, "straighten_rope", *options.split()]
     monkeypatch.setattr("sys.argv", arguments)
     with pytest.raises(SystemExit) as exit_info:

@@ -214,6 +214,6 @@ def test_chromium_drives(page):
         until(lambda: not session.paused)
         until(lambda: session.env.task.actor.positions()[1, 0] > start[1, 0] + 0.1)
         assert page.click("next variation")
-        until(lambda: session.status.variation == 801)
+        until(lambda: session.variation == 801)
         until(lambda: page.click("pause"))
         until(lambda: session.paused)
