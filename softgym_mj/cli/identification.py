@@ -18,24 +18,6 @@ from softgym_mj.storage.files import make_folder, read_json, write_json
 
 app = typer.Typer(help="Parameters of a fabric from recordings of it.", no_args_is_help=True)
 
-Folder = Annotated[pathlib.Path, typer.Argument(help="Folder of the data set.")]
-FabricName = Annotated[str, typer.Option(help="Name of a fabric of cloth.fabrics.")]
-Parameters = Annotated[
-    pathlib.Path | None,
-    typer.Option(help="JSON file with attributes of entities.Fabric that replace the fabric's."),
-]
-Density = Annotated[
-    float | None,
-    typer.Option(help="Measured mass per area in kg/m^2; default: the fabric's."),
-]
-Seeds = Annotated[int, typer.Option(help="Number of searches.", min=1)]
-Evaluations = Annotated[int, typer.Option(help="Evaluations of each search.", min=12)]
-Jobs = Annotated[int, typer.Option(help="Worker processes; the result does not depend on them.")]
-Out = Annotated[
-    pathlib.Path,
-    typer.Option(help="Folder for identification.json, fabric.json and intermediate results."),
-]
-_OUT = pathlib.Path("identification")
 _MM = 1e3
 
 
@@ -49,11 +31,19 @@ def identify() -> None:
 
 @app.command()
 def rags(
-    folder: Folder,
+    folder: Annotated[pathlib.Path, typer.Argument(help="Folder of the data set.")],
     cloth: Annotated[str, typer.Option(help="chequered, cotton or linen.")] = "linen",
-    fabric: FabricName = "white_dots",
-    parameters: Parameters = None,
-    density: Density = None,
+    fabric: Annotated[str, typer.Option(help="Name of a fabric of cloth.fabrics.")] = "white_dots",
+    parameters: Annotated[
+        pathlib.Path | None,
+        typer.Option(
+            help="JSON file with attributes of entities.Fabric that replace the fabric's."
+        ),
+    ] = None,
+    density: Annotated[
+        float | None,
+        typer.Option(help="Measured mass per area in kg/m^2; default: the fabric's."),
+    ] = None,
     width: Annotated[
         float, typer.Option(help="Width of the rag between the grippers, in meters.")
     ] = 0.478,
@@ -67,33 +57,48 @@ def rags(
     blind: Annotated[
         bool, typer.Option("--blind", help="Ignore the camera: use measured points only.")
     ] = False,
-    seeds: Seeds = 3,
-    evaluations: Evaluations = 240,
-    jobs: Jobs = 1,
+    seeds: Annotated[int, typer.Option(help="Number of searches.", min=1)] = 3,
+    evaluations: Annotated[int, typer.Option(help="Evaluations of each search.", min=12)] = 240,
+    jobs: Annotated[
+        int, typer.Option(help="Worker processes; the result does not depend on them.")
+    ] = 1,
     ray: Ray = None,
-    out: Out = _OUT,
+    out: Annotated[
+        pathlib.Path,
+        typer.Option(help="Folder for identification.json, fabric.json and intermediate results."),
+    ] = pathlib.Path("identification"),
 ) -> None:
     """Identifies from point clouds of a rag: fits repeat 0 of both primitives, tests the others."""
+    from softgym_mj.parallel.executors import make_executor
     from softgym_mj.reality.identification import rag_data
+    from softgym_mj.reality.identification.identify import identify, open_store
+    from softgym_mj.reality.identification.unknowns import THICKNESS, fabric_of
 
-    base = _base(fabric, parameters, density)
+    base = dataclasses.replace(_replaced(Fabric.named(fabric), parameters), thickness=THICKNESS)
+    if density is not None:
+        base = dataclasses.replace(base, density=density)
     place = None if blind else camera or rag_data.CAMERA
     task = rag_data.read_task(
         folder, cloth, base, size=(width, length), spacing=spacing, table=table, camera=place
     )
+    make_folder(out)
     settings = {
         "layout": "rags", "folder": str(folder), "cloth": cloth, "size": (width, length),
         "table": table, "spacing": spacing, "camera": place,
+        "base": dataclasses.asdict(task.base), "evaluations": evaluations,
     }  # fmt: skip
-    _identify(task, settings, seeds, evaluations, jobs, ray, out)
-
-
-def _base(name: str, parameters: pathlib.Path | None, density: float | None) -> Fabric:
-    """Returns the fabric that a search starts from."""
-    from softgym_mj.reality.identification.unknowns import THICKNESS
-
-    thin = dataclasses.replace(_replaced(Fabric.named(name), parameters), thickness=THICKNESS)
-    return thin if density is None else dataclasses.replace(thin, density=density)
+    store = open_store(out / "searches", settings)
+    try:
+        with _progress(seeds * evaluations) as progress, make_executor(jobs, ray) as executor:
+            result = identify(task, executor, tuple(range(seeds)), evaluations, store, progress)
+    except KeyboardInterrupt:
+        message = f"{out} has the finished part: the same command continues from it"
+        raise KeyboardInterrupt(message) from None
+    write_json(out / "identification.json", {**result, "settings": {**settings, "seeds": seeds}})
+    values = {name: entry["value"] for name, entry in result["parameters"].items()}
+    write_json(out / "fabric.json", dataclasses.asdict(fabric_of(values, task.base)))
+    _show(result)
+    console.print(f"wrote {out / 'identification.json'} and {out / 'fabric.json'}")
 
 
 def _replaced(fabric: Fabric, parameters: pathlib.Path | None) -> Fabric:
@@ -107,31 +112,6 @@ def _replaced(fabric: Fabric, parameters: pathlib.Path | None) -> Fabric:
             raise InvalidArgumentError(str(parameters), key, valid)
     bent = fabric.bent(values.get("bend_stiffness", fabric.bend_stiffness))
     return dataclasses.replace(bent, **values)
-
-
-def _identify(
-    task, settings: Mapping[str, Any], seeds: int, evaluations: int,
-    jobs: int, ray: str | None, out: pathlib.Path,
-) -> None:  # fmt: skip
-    """Runs the searches; writes and prints the result."""
-    from softgym_mj.parallel.executors import make_executor
-    from softgym_mj.reality.identification.identify import identify, open_store
-    from softgym_mj.reality.identification.unknowns import fabric_of
-
-    make_folder(out)
-    settings = {**settings, "base": dataclasses.asdict(task.base), "evaluations": evaluations}
-    store = open_store(out / "searches", settings)
-    try:
-        with _progress(seeds * evaluations) as progress, make_executor(jobs, ray) as executor:
-            result = identify(task, executor, tuple(range(seeds)), evaluations, store, progress)
-    except KeyboardInterrupt:
-        message = f"{out} has the finished part: the same command continues from it"
-        raise KeyboardInterrupt(message) from None
-    write_json(out / "identification.json", {**result, "settings": {**settings, "seeds": seeds}})
-    values = {name: entry["value"] for name, entry in result["parameters"].items()}
-    write_json(out / "fabric.json", dataclasses.asdict(fabric_of(values, task.base)))
-    _show(result)
-    console.print(f"wrote {out / 'identification.json'} and {out / 'fabric.json'}")
 
 
 @contextlib.contextmanager
