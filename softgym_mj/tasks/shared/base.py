@@ -124,8 +124,6 @@ class Task(Definition):
         self._named = False  # Whether names in info have been checked.
         self.arguments: dict[str, str] = {}
 
-    # ------------------------------------------------------------------ parts
-
     @property
     def root_entity(self) -> Arena:
         if "scene" not in vars(self):
@@ -145,8 +143,6 @@ class Task(Definition):
     def visualize_reward(self, value: bool) -> None:
         if value is not False:
             raise InvalidArgumentError("visualize_reward", value, "False")
-
-    # ------------------------------------------------------------------ episode
 
     @property
     def variation(self) -> int:
@@ -190,12 +186,7 @@ class Task(Definition):
         self._episode = dataclasses.replace(self._episode, initial_performance=initial)
         checks.check_bounds(self.bounds(self._episode))
         if not self._named:
-            for method in ("reduced", "extra_state"):
-                entries = getattr(self, method)(self.state(), self._episode)
-                checks.check_entries(method, entries)
-            own, started = self._measures.info, self.episode_info(self._episode)
-            others = self.last_secondary_metrics, self.diagnostics(), self.actor.diagnostics()
-            checks.check_names((own, started, *others))
+            checks.check_task(self)
             self._named = True
 
     def state(self) -> State:
@@ -265,8 +256,6 @@ class Task(Definition):
         """Secondary metrics of the state after the last env step or reset."""
         metrics = self.secondary_metrics(self.state(), self.episode, self.last_evaluation)
         return {name: float(value) for name, value in metrics.items()}
-
-    # ------------------------------------------------------------------ snapshots
 
     @property
     def snapshot_key(self) -> dict[str, object]:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -140,3 +141,12 @@ def check_names(groups: Iterable[Iterable[str]]) -> None:
                 "measures or diagnostics", twice, "names that info has only once"
             )
         seen |= names
+
+
+def check_task(task: Any) -> None:
+    """Raises `InvalidArgumentError` for bad names in the states or the info of a started task."""
+    for method in ("reduced", "extra_state"):
+        check_entries(method, getattr(task, method)(task.state(), task.episode))
+    own, started = task.last_evaluation.info, task.episode_info(task.episode)
+    others = task.last_secondary_metrics, task.diagnostics(), task.actor.diagnostics()
+    check_names((own, started, *others))
