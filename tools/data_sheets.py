@@ -7,7 +7,7 @@ tests/docs/test_data_sheets.py compares.
 import inspect
 import pathlib
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator
 
 from softgym_mj.envs.environment import Environment
 from softgym_mj.envs.gymnasium_env import space_of
@@ -24,8 +24,10 @@ from tools.sheet_entries import (
     COMMON,
     INFO,
     ending_entries,
+    entry_table,
     full_entries,
     reduced_entries,
+    table,
 )
 
 FOLDER = pathlib.Path(__file__).parent.parent / "docs" / "tasks"
@@ -36,12 +38,6 @@ WRIST_SUMMARY = "with arms: uint8 images (arms, height, width, 3) from the camer
 HELD_SUMMARY = "cloth, rope: 1 for each gripper that holds something, else 0"
 GOAL_SUMMARY = "`rope_configuration`: uint8 image (height, width, 3), `rgb` with the goal reached"
 _LABELS = ("Goal", "Actions", "Observations", "Reward", "Bounds", "Horizon", "Start")
-
-
-def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A Markdown table."""
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines) + "\n"
 
 
 def numbers(*values: float, digits: int = 4) -> str:
@@ -79,17 +75,6 @@ def actions(env: Environment, tasks: dict[str, Task], record: TaskRecord) -> Ite
             f"{numbers(high[1] - low[1])} m along Y, Z from {numbers(low[2])} to "
             f"{numbers(high[2])} m.\n"
         )
-
-
-def entry_table(entries: Mapping[str, int], start: int = 0) -> str:
-    """Table of the entries of a state from index `start`; `entries` maps "name [unit]" to sizes."""
-    rows = []
-    for label, number in entries.items():
-        end = start + number - 1
-        name, _, unit = label.rstrip("]").partition(" [")
-        rows.append((start if end == start else f"{start} to {end}", name, unit))
-        start = end + 1
-    return table(("entries", "what", "unit"), rows)
 
 
 def observations(env: Environment, arms: Environment) -> Iterator[str]:

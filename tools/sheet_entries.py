@@ -1,4 +1,6 @@
-"""Meanings of the entries of states and of the keys of info, for the data sheets."""
+"""Entries of states and keys of info, for the data sheets: meanings, sizes and tables."""
+
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -75,3 +77,20 @@ def full_entries(env: Environment) -> dict[str, int]:
 def sizes(arrays: dict[str, np.ndarray]) -> dict[str, int]:
     """Size of each array."""
     return {name: np.size(array) for name, array in arrays.items()}
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """A Markdown table."""
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines) + "\n"
+
+
+def entry_table(entries: Mapping[str, int], start: int = 0) -> str:
+    """Table of the entries of a state from index `start`; `entries` maps "name [unit]" to sizes."""
+    rows = []
+    for label, number in entries.items():
+        end = start + number - 1
+        name, _, unit = label.rstrip("]").partition(" [")
+        rows.append((start if end == start else f"{start} to {end}", name, unit))
+        start = end + 1
+    return table(("entries", "what", "unit"), rows)
