@@ -95,7 +95,7 @@ def overview() -> str:
         "over five seeds. *No action*: mean over the same 200 variations. CEM plans with the true "
         "dynamics and learns nothing (ten episodes). \u2020: start states have changed since. [All "
         "methods, observations, budgets, curves and policies](docs/results.md); "
-        "`softgym-mj learning queue` lists open runs."
+        "`python -m tools.run_queue` lists open runs."
     )
 
 

@@ -1,5 +1,6 @@
 """Runs what docs/results/queue.toml lists and learning.csv lacks, as much as fits into minutes.
 
+    python -m tools.run_queue   # lists the runs
     python -m tools.run_queue --minutes 25 --cards 2
 
 Each card runs one command at a time, in order of the queue, of those whose estimate fits into the
@@ -17,9 +18,9 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 
-from softgym_mj.learning.queue import QueuedRun, read_queue
 from softgym_mj.learning.results import read_rows
 from tools.learned import RESULTS
+from tools.queued_runs import QueuedRun, read_queue
 
 _POLL = 1.0  # [s] Between two looks at what runs.
 
@@ -75,13 +76,9 @@ class Cards:
 
 
 def waiting(results: pathlib.Path) -> list[QueuedRun]:
-    """Runs on a GPU that are not done."""
+    """Runs that are not done."""
     rows = read_rows(results / "learning.csv")
-    return [
-        run
-        for run in read_queue(results / "queue.toml")
-        if run.gpu_minutes is not None and not run.is_done(rows)
-    ]
+    return [run for run in read_queue(results / "queue.toml") if not run.is_done(rows)]
 
 
 def _start(run: QueuedRun, card: int) -> subprocess.Popen:
@@ -104,13 +101,17 @@ def _merge(run: QueuedRun, status: int, results: pathlib.Path) -> None:
 def main() -> None:
     """Runs the queue of this checkout."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
-    parser.add_argument("--minutes", type=float, required=True)
+    parser.add_argument("--minutes", type=float, help="For all runs; without it, they are listed.")
     parser.add_argument("--cards", type=int, default=1, help="GPUs of this machine.")
     parser.add_argument("--method", help="Only runs of this method, such as distill.")
     given = parser.parse_args()
     runs = [run for run in waiting(RESULTS) if given.method in (None, run.method)]
+    if given.minutes is None:
+        print(*(f"{run.cost}: {run.why}\n    {run.command}" for run in runs), sep="\n")
+        return
     cards = Cards(given.cards, given.minutes, _start)
-    cards.run(runs, lambda run, status: _merge(run, status, RESULTS))
+    on_gpus = [run for run in runs if run.gpu_minutes is not None]
+    cards.run(on_gpus, lambda run, status: _merge(run, status, RESULTS))
 
 
 if __name__ == "__main__":

@@ -1,25 +1,21 @@
-"""The commands `softgym-mj learning`: table, join, submit, status and queue."""
+"""The commands `softgym-mj learning`: table, join and submit."""
 
 import pathlib
 from typing import Annotated
 
-import numpy as np
 import rich.box
 import rich.table
 import typer
 
 from softgym_mj.cli.console import Ray, Trust, console
 from softgym_mj.exceptions import StoreError
-from softgym_mj.storage.files import read_json
 
-app = typer.Typer(help="Published results, trainings, and queued runs.", no_args_is_help=True)
+app = typer.Typer(help="Published results and trainings.", no_args_is_help=True)
 Folders = Annotated[
     list[pathlib.Path] | None,
     typer.Argument(help="Folders of trainings or of planner evaluations.", metavar="FOLDER..."),
 ]
-Results = Annotated[
-    pathlib.Path, typer.Option(help="Folder of learning.csv, references.csv and queue.toml.")
-]
+Results = Annotated[pathlib.Path, typer.Option(help="Folder of learning.csv and references.csv.")]
 RESULTS = pathlib.Path("docs/results")
 _RANGES = ("percentile_25", "percentile_75"), ("iqm_low", "iqm_high")
 _NUMBERS = (*_RANGES[0], *_RANGES[1], "minutes", "gap", "published")  # None where unknown.
@@ -145,72 +141,3 @@ def submit(
                 f"seed {row.seed}: {row.normalized_performance:.3f}, success {row.success:.2f}"
             )
     console.print(f"wrote {folder / 'curve.csv'} and {folder / 'episodes.csv'}")
-
-
-@app.command()
-def status(
-    folders: Annotated[
-        list[pathlib.Path], typer.Argument(help="Folders of trainings.", metavar="FOLDER...")
-    ],
-) -> None:
-    """Prints the progress of trainings."""
-    from softgym_mj.learning.curves import FILE
-    from softgym_mj.learning.results import read_rows
-
-    shown = rich.table.Table(box=rich.box.SIMPLE)
-    for title in ("folder", "rows", "env steps", "of", "held out", "seconds", "ended"):
-        shown.add_column(title, overflow="fold")
-    for folder in folders:
-        rows = read_rows(folder / FILE)
-        held_out = [row for row in rows if row.split == "evaluate"]
-        steps = max((row.env_steps for row in rows), default=0)
-        last = [row.normalized_performance for row in held_out if row.env_steps == steps]
-        seconds = [row.seconds for row in rows if row.seconds is not None]
-        total = _env_steps(folder / "card.json")
-        shown.add_row(
-            str(folder),
-            str(len(rows)),
-            f"{steps:,}",
-            "?" if total is None else f"{total:,}",
-            f"{np.median(last):.3f}" if last else "",
-            f"{max(seconds):.0f}" if seconds else "",
-            "yes" if any(row.final for row in held_out) else "no",
-        )
-    console.print(shown)
-
-
-def _env_steps(card: pathlib.Path) -> int | None:
-    """Returns the env steps of a whole training from its card; None without a card."""
-    result = read_json(card).get("training") if card.exists() else None
-    number = result.get("env_steps") if isinstance(result, dict) else None
-    if not isinstance(number, int | None):
-        raise StoreError(f"{card}: training.env_steps={number!r} is no whole number")
-    return number
-
-
-@app.command("queue")
-def print_queue(
-    is_next: Annotated[
-        bool, typer.Option("--next", help="Print only the command of the first unfinished run.")
-    ] = False,
-    results: Results = RESULTS,
-) -> None:
-    """Lists the queued runs in order; a run is done when learning.csv has its rows."""
-    from softgym_mj.learning.queue import read_queue
-    from softgym_mj.learning.results import read_rows
-
-    rows = read_rows(_published(results, "learning.csv"))
-    runs = read_queue(_published(results, "queue.toml"))
-    if is_next:
-        waiting = [run.command for run in runs if not run.is_done(rows)]
-        typer.echo(waiting[0] if waiting else "Everything is done.")
-        return
-    shown = rich.table.Table(show_lines=True, box=rich.box.SIMPLE)
-    for title in ("", "done", "task\nhow", "seeds", "estimated\ncost", "why"):
-        shown.add_column(title, overflow="fold")
-    for number, run in enumerate(runs, 1):
-        how = [run.task, f"{run.method} {run.observation}", f"{run.preset} {run.replay}"]
-        how += [f"{name}={value}" for name, value in run.settings.items()]
-        done = "yes" if run.is_done(rows) else "no"
-        shown.add_row(str(number), done, "\n".join(how), str(run.seeds), run.cost, run.why)
-    console.print(shown)

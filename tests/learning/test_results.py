@@ -15,13 +15,14 @@ from softgym_mj.evaluation.comparison import read_results
 from softgym_mj.exceptions import StoreError
 from softgym_mj.learning import curves, results
 from softgym_mj.learning.entering import enter
-from softgym_mj.learning.queue import QueuedRun, read_queue
 from softgym_mj.learning.registry import PRESETS
 from softgym_mj.learning.results import Reference, Row
 from softgym_mj.learning.tables import table
 from softgym_mj.policies.planners import BUDGET
 from softgym_mj.registry import TASKS
 from tools import learned
+from tools.queued_runs import QueuedRun, read_queue
+from tools.run_queue import waiting
 
 ROOT = pathlib.Path(__file__).parents[2]
 RESULTS = ROOT / "docs" / "results"
@@ -352,42 +353,26 @@ def test_results_without_their_other_files_are_not_merged(folder):
 
 
 def test_published_results_are_those_of_a_checkout(tmp_path):
-    for command in (["table"], ["queue"]):
-        done = CliRunner().invoke(commands.app, ["learning", *command, "--results", str(tmp_path)])
-        assert done.exit_code != 0
-        assert "pass --results" in str(done.exception)
+    done = CliRunner().invoke(commands.app, ["learning", "table", "--results", str(tmp_path)])
+    assert done.exit_code != 0
+    assert "pass --results" in str(done.exception)
 
 
-def test_long_fields_and_cards_of_text_are_refused(tmp_path):
+def test_long_fields_are_refused(tmp_path):
     (tmp_path / "curve.csv").write_text(f"{HEAD}\n{'a' * 200_000}{LINE}\n")
     with pytest.raises(StoreError, match=r"curve\.csv cannot be read: line 2: field larger"):
         results.read_folder(tmp_path)
-    results.write_rows(_training(), tmp_path / "curve.csv")
-    (tmp_path / "card.json").write_text(json.dumps({"training": {"env_steps": "300"}}))
-    done = CliRunner().invoke(commands.app, ["learning", "status", str(tmp_path)])
-    assert "training.env_steps='300'" in str(done.exception)
-
-
-def test_the_status_says_how_far_a_training_is(folder):
-    shown = _command("status", folder / "training")
-    for word in ("30", "300", "0.500", "180", "yes"):
-        assert word in shown
-    results.write_rows([row for row in _training() if not row.final], folder / "curve.csv")
-    shown = _command("status", folder)
-    for word in ("20", "200", "?", "1.000", "120", "no"):
-        assert word in shown
 
 
 def test_the_queue_goes_on_with_what_is_not_done(folder):
     command = "softgym-mj train sac straighten_rope --preset fast --seeds {}"
-    assert _command("queue", "--next", "--results", folder).startswith(command.format(5))
+    assert waiting(folder)[0].command.startswith(command.format(5))
     results.write_rows(_training(), folder / "learning.csv")
-    assert _command("queue", "--next", "--results", folder).startswith(command.format(6))
-    shown = _command("queue", "--results", folder)
-    assert [word for word in shown.split() if word in ("yes", "no")] == ["yes", "no"]
+    (run,) = waiting(folder)
+    assert run.command.startswith(command.format(6))
     more = [_row(5, 300, "evaluate", 0.1, True)]
     results.write_rows([*_training(), *more], folder / "learning.csv")
-    assert _command("queue", "--next", "--results", folder) == "Everything is done.\n"
+    assert waiting(folder) == []
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,8 @@
 
 import pytest
 
-from softgym_mj.learning.queue import QueuedRun
 from tools import run_queue
+from tools.queued_runs import QueuedRun
 from tools.run_queue import Cards
 
 
