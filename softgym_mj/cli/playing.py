@@ -84,7 +84,7 @@ def demo(
             advance = functools.partial(progress.advance, bar)
             episode = play(env, variation=variation, size=size, on_step=advance)
             _write(episode, file)
-            strips.append(np.hstack(episode.frames[[0, env.horizon // 2, -1]]))
+            strips.append(np.hstack([episode.frames[k] for k in (0, env.horizon // 2, -1)]))
             progress.console.print(
                 f"{name}: normalized performance {_score(episode):.3f}; "
                 f"wrote {file} and {file.with_suffix('.png')}"
