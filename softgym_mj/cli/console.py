@@ -100,12 +100,7 @@ def parsed_settings(settings: str) -> dict[str, Any]:
 
 
 def first_variations(split: str, episodes: int, start: int | None = None) -> Sequence[int]:
-    """Returns variations of a split, one for each episode.
-
-    Args:
-        split: "train", "evaluate" or "all".
-        episodes: Number of variations.
-        start: First variation; None for the split's first.
+    """Returns variations of a split, one for each episode, from `start` or the split's first on.
 
     Raises:
         InvalidArgumentError: for an unknown split, a variation outside of it, or more variations

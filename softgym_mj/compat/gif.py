@@ -20,9 +20,6 @@ def save_numpy_as_gif(
         filename: Path of the file; its suffix becomes ".gif".
         fps: Images per second; GIF rounds the time of an image to 10 ms.
         scale: Factor of height and width.
-
-    Raises:
-        InvalidArgumentError: for another shape, no image, or a number that is not positive.
     """
     for name, value in (("fps", fps), ("scale", scale)):
         check_number(name, value, gt=0)

@@ -89,13 +89,7 @@ class Table(dict[str, Any]):
 
 
 def check_settings(given: Mapping[str, Any], own: Iterable[str], fixed: Mapping[str, Any]) -> None:
-    """Raises `InvalidArgumentError` for unknown arguments and unsupported values.
-
-    Args:
-        given: Values by name.
-        own: Names that accept all values.
-        fixed: The only supported value by name.
-    """
+    """Raises `InvalidArgumentError` for names in neither `own` nor `fixed`, or other values."""
     for key, value in given.items():
         if key not in (*own, *fixed):
             raise InvalidArgumentError("argument", key, (*own, *fixed))

@@ -56,12 +56,7 @@ def show(
 
 
 def bars(results: Sequence[Mapping], file: pathlib.Path) -> None:
-    """Draws a group of bars for each task: medians, with the quartiles as whiskers.
-
-    Raises:
-        StoreError: for results that have the same label.
-        InvalidArgumentError: for a kind of file that Matplotlib does not write.
-    """
+    """Draws a group of bars for each task: medians, with the quartiles as whiskers."""
     names = labels(results)
     groups = list(dict.fromkeys(names))
     tasks = list(dict.fromkeys(result["task"] for result in results))
@@ -88,13 +83,7 @@ def bars(results: Sequence[Mapping], file: pathlib.Path) -> None:
 
 
 def curves(results: Sequence[Mapping], axis: str, file: pathlib.Path) -> None:
-    """Draws a curve for each task and planner over a setting of the planner, one of `AXES`.
-
-    Raises:
-        InvalidArgumentError: if there is no such setting, or for a kind of file that Matplotlib
-            does not write.
-        StoreError: for results of policies that do not plan.
-    """
+    """Draws a curve for each task and planner over a setting of the planner, one of `AXES`."""
     check_name("x", axis, AXES)
     lines: dict[tuple[str, str], list[tuple[float, ...]]] = {}
     for result in results:

@@ -15,14 +15,9 @@ _AT_ONCE = 1_000  # Number of resamples in memory at a time.
 def summary(episodes: Sequence[Mapping]) -> dict[str, float]:
     """Returns summary statistics of an evaluation; `methods` describes them.
 
-    Args:
-        episodes: One episode of every seed and variation, with "seed", "variation",
-            "normalized_performance" and "success".
-
-    Returns:
-        Median and quartiles over seeds (of means over variations, as in the paper), or over
-        variations if there is one seed; mean and interquartile mean over all episodes with
-        bootstrap intervals, as in rliable (Agarwal et al. 2021); minimum, maximum and success rate.
+    Median and quartiles are over seeds (of means over variations, as in the paper), or over
+    variations if there is one seed; mean and interquartile mean are over all episodes, with
+    bootstrap intervals as in rliable (Agarwal et al. 2021).
     """
     result = {(e["seed"], e["variation"]): e["normalized_performance"] for e in episodes}
     seeds, variations = (list(dict.fromkeys(names)) for names in zip(*result, strict=True))

@@ -161,12 +161,9 @@ class RayExecutor(Executor):
         """Connects to a cluster.
 
         Args:
-            address: Address of a running cluster, or "auto" for this machine's; None starts a
-                cluster of this machine alone.
-            number: Number of cores of a new cluster; None for all.
-
-        Raises:
-            UnavailableError: if Ray is missing.
+            address: Address of a running cluster, or "auto" for this machine's; None starts one of
+                `number` cores (None: all) on this machine.
+            number: Number of cores of a new cluster.
         """
         self._ray = ray = import_extra("ray", "Ray", "cluster")
         self._mine = not ray.is_initialized()

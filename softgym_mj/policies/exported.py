@@ -63,13 +63,10 @@ def export_policy(
 
 
 def observes(file: str) -> dict[str, Any]:
-    """Returns the task arguments that give a saved policy its observation.
+    """Returns the task arguments that give a saved policy its observation; empty if unknown.
 
-    They are read from the policy's file, as `softgym-mj train` writes it, or from the card of the
-    same name with the suffix .json. No code of the file is run.
-
-    Returns:
-        `observation`, and `image_size` with images; empty for other policies.
+    They are `observation`, and `image_size` with images, from the policy's file, as `softgym-mj
+    train` writes it, or from the card of the same name with the suffix .json. No code is run.
 
     Raises:
         InvalidArgumentError: for a note or a card that is not JSON of this form.

@@ -57,13 +57,7 @@ class CEM:
         iterations: int = ITERATIONS,
         variance: float = VARIANCE,
     ):
-        """Splits the budget evenly over the iterations.
-
-        Args:
-            horizon: Env steps of a sequence.
-            budget: Simulated env steps per decision.
-            iterations: Number of times that the distribution is fitted.
-            variance: Initial variance of every action entry.
+        """Splits the simulated env steps of a decision evenly over the iterations.
 
         Raises:
             InvalidArgumentError: if the budget has fewer than 10 sequences per iteration.
@@ -98,9 +92,7 @@ class CEM:
     def search(self, guess: np.ndarray, random: np.random.Generator) -> Search:
         """Searches for the best sequence; yields each population and is sent its returns.
 
-        Args:
-            guess: Mean (horizon, size) of the first population.
-            random: Source of the samples.
+        The first population has the mean `guess` (horizon, size).
         """
         mean, variance = guess, np.full_like(guess, self.variance)
         best, best_return, steps = guess, -np.inf, 0
@@ -162,13 +154,7 @@ PLANNERS = {"cem": CEM, "icem": ICEM}
 
 
 def make_planner(name: str, task: str, horizon: int | None = None, **settings) -> CEM:
-    """Returns a planner by name.
-
-    Args:
-        name: One of `PLANNERS`.
-        task: Task name, for the default horizon.
-        horizon: Env steps of a sequence; None for the task's `planning_horizon`.
-        **settings: `budget`, `iterations` and `variance` of `CEM`.
+    """Returns a planner by name, with settings of `CEM`.
 
     Raises:
         InvalidArgumentError: for an unknown planner or invalid settings.

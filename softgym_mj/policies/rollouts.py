@@ -45,13 +45,7 @@ class ExecutorRollouts(Rollouts):
     """Rollouts on an executor, one environment per worker."""
 
     def __init__(self, task: str | TaskRecord, settings: Mapping[str, object], executor: Executor):
-        """Sets the environment and the executor.
-
-        Args:
-            task: Task name or record; later registrations of the name have no effect.
-            settings: Keyword arguments of the task that JSON can hold.
-            executor: Executor of the rollouts.
-        """
+        """Sets the executor, and the task with its keyword arguments, which JSON can hold."""
         self._key = sent_to(executor, task), json.dumps(dict(settings), sort_keys=True)
         self._executor = executor
 
@@ -114,12 +108,7 @@ def play_sequences(
 
 @functools.lru_cache(maxsize=1)
 def kept_environment(task: TaskRecord | bytes, settings: str) -> Environment:
-    """Returns this process's cached environment of a task record and settings.
-
-    Args:
-        task: Value of `sent_to`.
-        settings: Keyword arguments as JSON; `observation` is "reduced" by default.
-    """
+    """Returns this process's cached environment of a value of `sent_to` and settings as JSON."""
     record = pickle.loads(task).fn if isinstance(task, bytes) else task
     arguments = {"observation": "reduced", **json.loads(settings)}
     return load(record, split="all", **arguments)

@@ -26,15 +26,7 @@ _NO_LETTER = re.compile(r"[^-\w]")  # Characters that ids must not contain.
 
 
 class About(NamedTuple):
-    """Metadata of a dataset.
-
-    Attributes:
-        task: Task of the episodes.
-        policy: Policy of the episodes.
-        description: Description in words.
-        evaluation: Environment with evaluation variations, as JSON.
-        author, author_email, code_permalink: Arguments of `recording.record`.
-    """
+    """Metadata of a dataset; `evaluation` is JSON of the environment with evaluation variations."""
 
     task: TaskRecord
     policy: str

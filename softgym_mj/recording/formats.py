@@ -11,11 +11,7 @@ FORMATS: dict[str, Callable[..., Format]] = {"minari": Minari, "lerobot": LeRobo
 
 
 def make_format(name: str, codec: str | None = None) -> Format:
-    """Returns a dataset format.
-
-    Args:
-        name: One of `FORMATS`.
-        codec: Codec of videos; None for the format's default.
+    """Returns one of `FORMATS`; a codec of None is the format's default.
 
     Raises:
         InvalidArgumentError: for an unknown format or codec, or a codec of a format without videos.

@@ -8,7 +8,7 @@ import contextlib
 import fractions
 import pathlib
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import gymnasium
@@ -17,7 +17,7 @@ import numpy as np
 from softgym_mj.envs.environment import Environment
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError, check_name, import_extra
-from softgym_mj.recording.datasets import About, Format
+from softgym_mj.recording.datasets import Format
 from softgym_mj.recording.episodes import LABEL
 from softgym_mj.rendering.observables import EXTERNAL, EXTERNAL_RGB, WRIST_RGB
 from softgym_mj.robots.base import Actor
@@ -124,14 +124,7 @@ class LeRobot(Format):
     def summary(self, dataset: Any) -> tuple[int, int, str]:
         return dataset.num_episodes, dataset.num_frames, f"LeRobotDataset({dataset.repo_id!r})"
 
-    def build(
-        self,
-        folder: pathlib.Path,
-        dataset: str,
-        env: gymnasium.Env,
-        episodes: Iterable[Mapping[str, Any]],
-        about: About,
-    ) -> None:
+    def build(self, folder, dataset, env, episodes, about):
         datasets = import_extra("lerobot.datasets.lerobot_dataset", "LeRobot", "lerobot")
         played, writer = _played(env), None
         names, actor, made = tuple(played.observation_spec()), played.task.actor, folder / "made"

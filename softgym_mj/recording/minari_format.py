@@ -4,14 +4,13 @@ import os
 import pathlib
 import pickle
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
-import gymnasium
 import numpy as np
 
 from softgym_mj.exceptions import InvalidArgumentError, import_extra
-from softgym_mj.recording.datasets import About, Format
+from softgym_mj.recording.datasets import Format
 from softgym_mj.storage.files import naming
 
 _OVERHEAD = 1 << 20  # Upper bound of HDF5's overhead for an episode [bytes].
@@ -55,14 +54,7 @@ class Minari(Format):
         call = f"minari.load_dataset({dataset.spec.dataset_id!r})"
         return dataset.total_episodes, dataset.total_steps, call
 
-    def build(
-        self,
-        folder: pathlib.Path,
-        dataset: str,
-        env: gymnasium.Env,
-        episodes: Iterable[Mapping[str, Any]],
-        about: About,
-    ) -> None:
+    def build(self, folder, dataset, env, episodes, about):
         minari = import_extra("minari", "Minari", "datasets")
         # `create_dataset_from_buffers` would need all episodes in memory and the final folder.
         storage = minari.dataset.minari_storage.MinariStorage.new(

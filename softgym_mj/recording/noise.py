@@ -27,12 +27,7 @@ def disturbance(
 ) -> Callable[[np.ndarray], np.ndarray]:
     """Returns a function that adds noise to an action (size,) and clips it to [-1, 1].
 
-    The actor's `switches` get no noise, which would release held objects.
-
-    Args:
-        actor: Actor of the actions.
-        noise: Standard deviation of the other entries.
-        seed, variation: Seed of the noise of an episode.
+    `noise` is its standard deviation. The actor's `switches` get none: it would release objects.
     """
     deviation = np.full(actor.action_size, noise)
     deviation[list(actor.actions.switches)] = 0.0

@@ -13,12 +13,7 @@ from softgym_mj.exceptions import SoftGymError, StoreError
 
 @contextlib.contextmanager
 def naming(path: str | os.PathLike[str], action: str) -> Iterator[None]:
-    """Raises errors of reading or writing files as `StoreError`.
-
-    Args:
-        path: Path in the message.
-        action: "read" or "written".
-    """
+    """Raises errors of files as `StoreError`: "PATH cannot be ACTION" ("read" or "written")."""
     try:
         yield
     except SoftGymError:

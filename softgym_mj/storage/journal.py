@@ -18,12 +18,7 @@ class Journal:
     """
 
     def __init__(self, file: pathlib.Path, owner: str):
-        """Sets the file, without reading or writing it.
-
-        Args:
-            file: File of this journal alone.
-            owner: Line that identifies this journal.
-        """
+        """Sets the file of this journal alone; the line `owner` identifies the journal."""
         self._file, self._first = file, owner.encode() + b"\n"
         self._checksum = ""
 

@@ -64,8 +64,7 @@ def read_pack(file: pathlib.Path, specification: str) -> list[np.ndarray]:
     """Reads a file of `write_pack`: a list of (n, 3) float64 arrays [m].
 
     Raises:
-        StoreError: if it is truncated, altered (zip files have checksums) or of another
-            specification.
+        StoreError: if it is truncated, altered (by zip's checksums) or of another specification.
     """
     found, counts, vertices = _read(file, "specification", "counts", "vertices")
     if str(found) != specification:

@@ -141,11 +141,7 @@ def tinted(
 ) -> tuple[float, ...]:
     """Returns a changed color (r, g, b) or (r, g, b, a) in 0..1; unchanged by default.
 
-    Args:
-        color: the color.
-        hue: rotation of the hue [deg].
-        saturation: added to the saturation, in 0..1.
-        brightness: factor.
+    The hue is rotated [deg], the saturation added to, the brightness a factor.
     """
     if (hue, saturation, brightness) == (0.0, 0.0, 1.0):
         return tuple(color)

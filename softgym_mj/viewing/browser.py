@@ -68,15 +68,7 @@ class Browser:
     """
 
     def __init__(self, session: Session, server: Any):
-        """Builds scene and panel.
-
-        Args:
-            session: the session to show.
-            server: a `viser.ViserServer`.
-
-        Raises:
-            UnavailableError: if mjviser is missing.
-        """
+        """Builds scene and panel of a session in a `viser.ViserServer`."""
         self._session, self._server = session, server
         self._picture_due = self._text_due = 0.0
         self._shown: tuple[str, int, bool] | None = None

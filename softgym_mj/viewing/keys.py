@@ -19,13 +19,7 @@ TURN = np.deg2rad(5.0)  # [rad] Rotation of a cup by a press.
 
 @dataclasses.dataclass(frozen=True)
 class Key:
-    """A key, or a group of keys.
-
-    Attributes:
-        codes: GLFW codes.
-        label: label of the key.
-        use: description of its function.
-    """
+    """A key, or a group of keys: GLFW codes, label and description of its function."""
 
     codes: tuple[int, ...]
     label: str
@@ -80,12 +74,7 @@ class Keyboard:
     """
 
     def __init__(self, session: Session, right: Callable[[], np.ndarray]):
-        """Binds the keyboard to a session.
-
-        Args:
-            session: the session.
-            right: returns the direction (3,) to the right of the picture.
-        """
+        """Binds it to a session; `right` gives the direction (3,) to the right of the picture."""
         self._session, self._right = session, right
         self.step, self.driven, self.helping = STEPS[2], [0], True
 

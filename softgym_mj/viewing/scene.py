@@ -70,15 +70,7 @@ class Scene:
     """
 
     def __init__(self, server: Any, physics: Any):
-        """Builds the scene, replacing the server's previous one.
-
-        Args:
-            server: a `viser.ViserServer`.
-            physics: physics of the model.
-
-        Raises:
-            UnavailableError: if mjviser is missing.
-        """
+        """Builds the scene of a model, replacing the previous one of a `viser.ViserServer`."""
         mjviser = import_extra("mjviser", "mjviser", EXTRA)
         self._server, self._model = server, physics.model.ptr
         self._data = mujoco.MjData(self._model)

@@ -34,12 +34,7 @@ class Pace:
         clock: Callable[[], float] = time.perf_counter,
         sleep: Callable[[float], None] = time.sleep,
     ):
-        """Starts the clock.
-
-        Args:
-            clock: returns real time [s].
-            sleep: waits for some real time [s].
-        """
+        """Starts the clock; `clock` and `sleep` are those of the module `time` [s]."""
         self._clock, self._sleep = clock, sleep
         self._due = self._since = clock()
         self._simulated = 0.0
@@ -108,12 +103,7 @@ class Session:
         self._posted.put(function)
 
     def play(self, policy: str | None = None, variation: int | None = None) -> None:
-        """Starts an episode.
-
-        Args:
-            policy: name of the policy; None for the same as before.
-            variation: index 0..999; None for the same as before.
-        """
+        """Starts an episode; None for the same policy or variation as before."""
         if variation is None:
             variation = self.variation
         if policy is not None:

@@ -67,12 +67,7 @@ class Window:
     """
 
     def __init__(self, session: Session, launch: Callable[..., Any] = mujoco.viewer.launch_passive):
-        """Binds the window to a session.
-
-        Args:
-            session: the session.
-            launch: opens the viewer, as `mujoco.viewer.launch_passive`.
-        """
+        """Binds the window to a session; `launch` opens it, as `mujoco.viewer.launch_passive`."""
         self._session, self._launch = session, launch
         self._keyboard = Keyboard(session, self._right)
         self._mouse = Mouse(self._keyboard)

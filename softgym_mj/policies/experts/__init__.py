@@ -31,10 +31,6 @@ EXPERTS = tuple(
 def make_policy(env: Environment) -> Callable[[dm_env.TimeStep], np.ndarray]:
     """Returns the expert of an environment's task.
 
-    Args:
-        env: Environment with two pickers or arms or an actor for the cup, or of a custom task that
-            implements `WithExpert`.
-
     Raises:
         InvalidArgumentError: if the task has no expert.
     """

@@ -45,9 +45,6 @@ class PickerExpert(Expert):
     def __init__(self, env: Environment):
         """Binds the expert.
 
-        Args:
-            env: Environment of the expert's task, with two pickers or arms.
-
         Raises:
             InvalidArgumentError: unless two grippers have actions that are displacements.
         """

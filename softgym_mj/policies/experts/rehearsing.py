@@ -30,9 +30,7 @@ class RehearsingExpert(PickerExpert):
     def _outcomes(self, plans: Sequence[Plan], then: Plan | None = None) -> np.ndarray:
         """Returns the values (n,) of the outcomes of plans, minus the cost of their env steps.
 
-        Args:
-            plans: The plans.
-            then: Plan that follows each of them; None rests for `SETTLING` env steps.
+        The plan `then` follows each of them; None rests for `SETTLING` env steps.
         """
         return np.array([self._outcome(plan, then or self._settle) for plan in plans])
 
