@@ -37,22 +37,11 @@ def test_who_was_killed_goes_on_from_the_last_whole_entry(file):
         assert file.read_bytes() == content
 
 
-def test_any_altered_byte(file):
-    content = file.read_bytes()
-    for position in range(len(content) - 1):  # The last one is the end of the line.
-        damaged = bytearray(content)
-        damaged[position] ^= 0x02
-        file.write_bytes(bytes(damaged))
-        with pytest.raises(StoreError, match=r"work\.jsonl is .*; delete it"):
-            Journal(file, "mine").read()
-
-
-def test_lines_that_changed_places(file):
+def test_a_line_that_is_no_json(file):
     first, *lines = file.read_bytes().splitlines(keepends=True)
-    for others in ([lines[1], lines[0], lines[2]], lines[1:], [lines[0], *lines]):
-        file.write_bytes(first + b"".join(others))
-        with pytest.raises(StoreError, match="is damaged at entry"):
-            Journal(file, "mine").read()
+    file.write_bytes(first + b"".join([lines[0], lines[1][1:], lines[2]]))
+    with pytest.raises(StoreError, match=r"work\.jsonl cannot be read"):
+        Journal(file, "mine").read()
 
 
 def test_journals_of_other_keys_and_specifications(tmp_path):
