@@ -1,9 +1,8 @@
 """The command `softgym-mj train`."""
 
 import pathlib
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
-import rich.progress
 import typer
 
 from softgym_mj.cli.console import (
@@ -24,9 +23,6 @@ from softgym_mj.exceptions import (
 from softgym_mj.parallel.executors import make_executor
 from softgym_mj.registry import find
 from softgym_mj.vector.make import DEVICES
-
-if TYPE_CHECKING:
-    from softgym_mj.learning.training import Training
 
 _CPU_PRESET = "night"  # Small networks that learn in hours on a CPU.
 
@@ -92,7 +88,7 @@ def train(
     ),
 ) -> None:
     """Trains a policy. The same command continues a training that was stopped."""
-    from softgym_mj.learning import reports
+    from softgym_mj.learning import logs, reports
     from softgym_mj.learning.registry import find_preset, preset_names
     from softgym_mj.learning.spreading import train_each
     from softgym_mj.learning.training import Training
@@ -119,7 +115,10 @@ def train(
                 f"{method} {training.task}: creating {training.num_envs * seeds} environments"
             )
             run = Training(training, result, chosen_seeds, out, device, learner_device)
-            rows = _side_by_side(run, log)
+            tell = logs.make_log(log, run.folder)
+            with reports.repeated(lambda: reports.progress(run), reports.LINE_SECONDS):
+                run.run(tell, reports.start, logs.POINTS)
+            rows = run.rows
         else:
             check_name("log", log, ("none",))  # Only seeds in one process share a log.
             with make_executor(jobs, ray) as executor:
@@ -166,27 +165,3 @@ def _teacher(name: str, trust: bool) -> dict[str, Any]:
     if not isinstance(observed, str) or has_images([observed]):
         raise InvalidArgumentError("teacher", name, f"a policy of states; it observes {observed}")
     return {"teacher": file, "privileged": observed}
-
-
-def _side_by_side(training: "Training", log: str) -> list[dict[str, Any]]:
-    """Trains all seeds in this process, with a progress bar or lines. Returns the curve."""
-    from softgym_mj.learning import logs, reports
-
-    tell = logs.make_log(log, training.folder)
-    if not console.is_terminal:
-        with reports.repeated(lambda: reports.progress(training), reports.LINE_SECONDS):
-            training.run(tell, reports.start, logs.POINTS)
-        return training.rows
-    text = rich.progress.TextColumn("{task.fields[note]}")
-    elapsed = rich.progress.TimeElapsedColumn()
-    with rich.progress.Progress(text, elapsed, console=console) as progress:
-        bar = progress.add_task(
-            "", total=training.settings.env_steps, note=reports.summary(training)
-        )
-
-        def show() -> None:
-            progress.update(bar, completed=training.covered, note=reports.summary(training))
-
-        with reports.repeated(show, 1.0):
-            training.run(tell, reports.start, logs.POINTS)
-    return training.rows
