@@ -55,9 +55,8 @@ class Executor(contextlib.AbstractContextManager["Executor"]):
         result = dict(self.results(function, calls))
         return [result[index] for index in range(len(calls))]
 
-    @abc.abstractmethod
     def close(self) -> None:
-        """Stops the workers after their current calls."""
+        """Stops the workers, if there are any, after their current calls."""
 
     def __exit__(self, *error):
         self.close()
@@ -72,9 +71,6 @@ class SerialExecutor(Executor):
         for index, call in enumerate(calls):
             yield index, function(*call)
 
-    def close(self):
-        pass
-
 
 class Together(Executor):
     """Executor of a batched function, which maps a list of calls to the list of their results."""
@@ -88,9 +84,6 @@ class Together(Executor):
     def results(self, function, calls):
         for first in range(0, len(calls), self._most):
             yield from enumerate(function(calls[first : first + self._most]), first)
-
-    def close(self):
-        pass
 
 
 class ProcessExecutor(Executor):

@@ -9,7 +9,7 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import check_count, check_name
 from softgym_mj.policies.factory import Policy, make_policy
 from softgym_mj.rendering.look import look_of
-from softgym_mj.rendering.offscreen import LARGEST_IMAGE, MOST_PASSES, CameraView, Video, camera_ids
+from softgym_mj.rendering.offscreen import LARGEST_IMAGE, CameraView, Video, camera_ids
 from softgym_mj.validation import typed
 
 
@@ -81,8 +81,6 @@ def play(
     """
     act = make_policy(policy, env, seed, trust=trust) if isinstance(policy, str) else policy
     check_count("size", size, 1, LARGEST_IMAGE)
-    if passes is not None:
-        check_count("passes", passes, 1, MOST_PASSES)
     check_name("camera", camera, (None, *camera_ids(env.physics.model.ptr)))
     if passes is None and pictures is None:
         passes = look_of(env.physics.model.ptr).video_passes
