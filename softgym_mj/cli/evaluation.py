@@ -26,6 +26,7 @@ from softgym_mj.cli.console import (
 from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.policies.planners import BUDGET, ITERATIONS, PLANNERS, Plan
 from softgym_mj.registry import TASKS, find
+from softgym_mj.storage.files import write_csv
 
 if TYPE_CHECKING:
     from softgym_mj.evaluation import Configuration, Progress
@@ -126,7 +127,7 @@ def plot(
     else:
         plots.curves(read, x, out)
     if csv is not None:
-        comparison.write_csv(read, csv)
+        write_csv(csv, list(rows[0]), rows)
     if markdown:
         typer.echo(comparison.markdown(read))
     else:

@@ -9,6 +9,7 @@ import typer
 
 from softgym_mj.cli.console import Ray, Trust, console
 from softgym_mj.exceptions import StoreError
+from softgym_mj.storage.files import write_csv
 
 app = typer.Typer(help="Published results and trainings.", no_args_is_help=True)
 Folders = Annotated[
@@ -72,7 +73,7 @@ def print_table(
         )
     console.print(shown if lines else "There are no final rows yet.")
     if csv is not None:
-        learned.write_csv(lines, list(lines[0]) if lines else (), csv)
+        write_csv(csv, list(lines[0]) if lines else (), lines)
         console.print(f"wrote {csv}")
     if merge:
         learned.write_rows(rows, file)

@@ -1,7 +1,5 @@
 """Comparison of results: labels and tables."""
 
-import csv
-import io
 import itertools
 import os
 import pathlib
@@ -12,7 +10,7 @@ from softgym_mj.evaluation.configuration import PROTOCOL
 from softgym_mj.evaluation.indices import as_text
 from softgym_mj.evaluation.statistics import quartiles_over, summary
 from softgym_mj.exceptions import StoreError
-from softgym_mj.storage.files import read_json, write_whole
+from softgym_mj.storage.files import read_json
 
 _NEEDED = ("protocol", "task", "policy", "variations", "seeds", "settings", "planning", "episodes")
 
@@ -113,16 +111,6 @@ def rows(results: Sequence[Mapping]) -> list[dict[str, Any]]:
         }
         for result, name in zip(results, labels(results), strict=True)
     ]
-
-
-def write_csv(results: Sequence[Mapping], file: pathlib.Path) -> None:
-    """Writes `rows` as comma-separated values, with a header."""
-    table = rows(results)
-    text = io.StringIO()
-    writer = csv.DictWriter(text, fieldnames=list(table[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(table)
-    write_whole(file, text.getvalue().encode())
 
 
 def markdown(results: Sequence[Mapping]) -> str:

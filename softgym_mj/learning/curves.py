@@ -1,14 +1,12 @@
 """Learning curves: a row for each evaluation, seed and split."""
 
-import csv
-import io
 import pathlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from softgym_mj.storage.files import write_whole
+from softgym_mj.storage.files import write_csv
 from softgym_mj.variations.indices import SPLITS
 
 COLUMNS = (
@@ -59,7 +57,7 @@ def curve_rows(
 
 def write_curve(folder: pathlib.Path, rows: Sequence[Mapping[str, Any]]) -> None:
     """Writes rows by `COLUMNS` to `folder`/curve.csv atomically."""
-    _write(folder / FILE, COLUMNS, rows)
+    write_csv(folder / FILE, COLUMNS, rows)
 
 
 def write_episodes(
@@ -75,12 +73,4 @@ def write_episodes(
         for k, seed in enumerate(seeds)
         for i, variation in enumerate(variations)
     ]
-    _write(folder / EPISODES, ["seed", "variation", *names], rows)
-
-
-def _write(file: pathlib.Path, columns: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
-    text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, columns, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    write_whole(file, text.getvalue().encode())
+    write_csv(folder / EPISODES, ["seed", "variation", *names], rows)

@@ -17,7 +17,7 @@ from softgym_mj.exceptions import StoreError
 from softgym_mj.learning.curves import COLUMNS, FILE
 from softgym_mj.policies.planners import PLANNERS
 from softgym_mj.registry import TASKS
-from softgym_mj.storage.files import naming, read_whole, write_whole
+from softgym_mj.storage.files import naming, read_whole, write_csv
 from softgym_mj.variations.indices import SPLITS
 
 _T = TypeVar("_T")
@@ -249,15 +249,4 @@ def merged(*several: Iterable[Row]) -> list[Row]:
 
 def write_rows(rows: Iterable[Row], file: pathlib.Path) -> None:
     """Writes rows to a CSV file for `read_rows`."""
-    write_csv([{**vars(row), "final": int(row.final)} for row in rows], COLUMNS, file)
-
-
-def write_csv(
-    table: Iterable[Mapping[str, Any]], columns: Sequence[str], file: pathlib.Path
-) -> None:
-    """Writes a CSV file with a header; None becomes an empty cell."""
-    text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, columns, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(table)
-    write_whole(file, text.getvalue().encode())
+    write_csv(file, COLUMNS, [{**vars(row), "final": int(row.final)} for row in rows])

@@ -1,11 +1,13 @@
 """Atomic reading and writing of files; failures are raised as `StoreError`."""
 
 import contextlib
+import csv
+import io
 import json
 import os
 import pathlib
 import secrets
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from softgym_mj.exceptions import SoftGymError, StoreError
@@ -92,3 +94,14 @@ def read_json(file: pathlib.Path) -> dict[str, Any]:
         if not isinstance(content, dict):
             raise ValueError("it is no JSON object")
     return content
+
+
+def write_csv(
+    file: pathlib.Path, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]
+) -> None:
+    """Writes rows as comma-separated values with a header, atomically; None is an empty cell."""
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_whole(file, text.getvalue().encode())

@@ -10,7 +10,7 @@ from softgym_mj.cli import commands
 from softgym_mj.evaluation import Configuration, comparison, evaluate, plots
 from softgym_mj.evaluation.indices import as_text, parsed
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
-from softgym_mj.storage.files import write_json
+from softgym_mj.storage.files import write_csv, write_json
 from tests.storage.test_files import ODD, odd
 
 
@@ -50,7 +50,8 @@ def test_labels_tell_results_of_a_task_apart(three):
 
 
 def test_a_table_has_what_the_results_have(tmp_path, three):
-    comparison.write_csv(comparison.read_results(three), tmp_path / "table.csv")
+    rows = comparison.rows(comparison.read_results(three))
+    write_csv(tmp_path / "table.csv", list(rows[0]), rows)
     rows = list(csv.DictReader((tmp_path / "table.csv").read_text().splitlines()))
     assert [row["policy"] for row in rows] == ["zero", "cem horizon=15", "cem horizon=5"]
     read = comparison.read_results(three[:1])
