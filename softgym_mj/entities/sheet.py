@@ -70,7 +70,10 @@ class Sheet(Flex):
         self._set_parameters()
 
     def _set_skin(self) -> None:
-        weights, faces, texcoords = self._skin(self._look.refinement)
+        skin = self._skin(self._look.refinement)
+        if skin is None:
+            return
+        weights, faces, texcoords = skin
         # The right half of the texture is the other side's.
         sides = np.vstack([texcoords, texcoords + [1.0, 0.0]]) * [0.5, 1.0]
         points = product(weights, self._rest_points)
@@ -108,12 +111,13 @@ class Sheet(Flex):
         """Returns the mass [kg] of the sheet for a mass per area [kg/m^2]."""
 
     @abc.abstractmethod
-    def _skin(self, refinement: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _skin(self, refinement: int) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         """Returns the rendered mesh, with edges `refinement` times shorter than those of the flex.
 
         Returns:
             Weights (n, num_points) of flex vertices in rendered vertices, triangles (m, 3)
-            counter-clockwise from the front, texture coordinates (n, 2) in 0..1.
+            counter-clockwise from the front, texture coordinates (n, 2) in 0..1; None for a sheet
+            that is not rendered.
         """
 
     def _turned(self, points: np.ndarray, center: tuple[float, float], angle: float) -> np.ndarray:

@@ -1,7 +1,5 @@
 """`BareSheet`: a sheet of any mesh that is simulated and not rendered."""
 
-import numpy as np
-
 from softgym_mj.entities.fabric import Fabric
 from softgym_mj.entities.sheet import Sheet
 from softgym_mj.reality.meshes import Mesh
@@ -29,8 +27,5 @@ class BareSheet(Sheet):
     def _mass(self, density: float) -> float:
         return density * self.mesh.area
 
-    def _set_skin(self) -> None:
-        """Makes no skin."""
-
-    def _skin(self, refinement: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        raise NotImplementedError("a BareSheet is not drawn")
+    def _skin(self, refinement: int) -> None:
+        return None
