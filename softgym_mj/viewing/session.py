@@ -5,7 +5,6 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from softgym_mj.envs.environment import Environment
 from softgym_mj.envs.load import load
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.robots.base import SIM_STEP
@@ -60,7 +59,7 @@ class Session:
     thread that calls `advance`; other threads call `post`.
 
     Attributes:
-        env: the environment; replaced when control changes between a user and a policy.
+        env: the environment.
         teleoperation: the user's controller; None while a policy acts.
         policy: name of the policy.
         paused: whether the simulation is paused.
@@ -89,11 +88,12 @@ class Session:
         Raises:
             InvalidArgumentError: for a bad argument.
         """
-        self._task, self._settings, self._trust = task, settings, trust
+        self._trust = trust
         self._pace = Pace() if pace is None else pace
         self._posted: queue.SimpleQueue[Callable[[], object]] = queue.SimpleQueue()
-        self._envs: dict[bool, Environment] = {}
-        self.env: Environment = self._environment(policy == TELEOPERATE)
+        self.env = load(task, split="all", **settings)
+        self.env.add_extra_hook("after_substep", self._after_sim_step)
+        self._horizon = self.env.horizon
         self.paused = False
         self.on_frame: Callable[[], object] = lambda: None
         self.play(policy, variation)
@@ -107,7 +107,7 @@ class Session:
         if variation is None:
             variation = self.variation
         if policy is not None:
-            self.env = self._environment(policy == TELEOPERATE)
+            self.env.horizon = _UNLIMITED if policy == TELEOPERATE else self._horizon
             self.teleoperation: Teleoperation | None = None
             if policy == TELEOPERATE:
                 self.teleoperation = teleoperate(self.env)
@@ -122,14 +122,6 @@ class Session:
     def play_next(self) -> None:
         """Starts an episode of the next variation."""
         self.play(variation=(self.variation + 1) % NUM_VARIATIONS)
-
-    def _environment(self, by_hand: bool) -> Environment:
-        if by_hand not in self._envs:
-            horizon = _UNLIMITED if by_hand else None
-            env = load(self._task, split="all", horizon=horizon, **self._settings)
-            env.add_extra_hook("after_substep", self._after_sim_step)
-            self._envs[by_hand] = env
-        return self._envs[by_hand]
 
     def _after_sim_step(self, physics, random_state) -> None:
         self._sim_steps += 1
