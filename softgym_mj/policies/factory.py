@@ -5,7 +5,8 @@ import numpy as np
 
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import check_count, check_name
-from softgym_mj.policies.saved import Policy, is_saved, make_saved, takes_seed
+from softgym_mj.policies.exported import Policy
+from softgym_mj.policies.saved import is_saved, make_saved, takes_seed
 
 SIMPLE = ("scripted", "random", "zero")
 _SEED_KEY = 0x52414E44  # Separates the random policy's random numbers from others.

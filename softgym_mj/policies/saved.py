@@ -8,18 +8,12 @@ import hashlib
 import importlib
 import inspect
 import traceback
-from collections.abc import Callable
 from typing import Any
-
-import dm_env
-import numpy as np
 
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError, SoftGymError
-from softgym_mj.policies.exported import SUFFIX, load_exported
+from softgym_mj.policies.exported import SUFFIX, Policy, load_exported
 from softgym_mj.storage.files import read_whole
-
-Policy = Callable[[dm_env.TimeStep], np.ndarray]
 
 SEED = "{seed}"  # Placeholder in file names of policies that were trained with several seeds.
 
