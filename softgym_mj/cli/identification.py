@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import functools
 import pathlib
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any
@@ -157,3 +158,37 @@ def _remark(entry: Mapping[str, Any]) -> str:
         if key in entry:
             return f"not identified: {words} {entry[key]:.3g}"
     return "not identified"
+
+
+@app.command()
+def rope(
+    folder: Annotated[
+        pathlib.Path | None, typer.Argument(help="Folder data_set of the recordings.")
+    ] = None,
+    cable: Annotated[
+        list[str] | None, typer.Option(help="DLO1 to DLO5, repeatable; default: all.")
+    ] = None,
+    recordings: Annotated[int, typer.Option(help="Number of train recordings, 5 or more.")] = 8,
+    out: Annotated[pathlib.Path, typer.Option(help="JSON file.")] = pathlib.Path("rope.json"),
+) -> None:
+    """Identifies stiffness, damping and length of recorded cables from train recordings.
+
+    One cable takes a minute or two on one core.
+    """
+    from softgym_mj.reality.rope.identification import identify, spread
+    from softgym_mj.reality.rope.recordings import CABLES, read_recordings
+
+    chosen = {
+        name: spread(read_recordings(folder, name, "train"), recordings) for name in cable or CABLES
+    }
+    make_folder(out.parent)
+    found = {}
+    for name, own in chosen.items():
+        result = identify(own, functools.partial(_echo_of, name))
+        found[name] = dataclasses.asdict(result)
+        write_json(out, found)
+    console.print(f"wrote {out}")
+
+
+def _echo_of(cable: str, line: str) -> None:
+    typer.echo(f"{cable}: {line}")

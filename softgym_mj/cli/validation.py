@@ -4,10 +4,11 @@ import dataclasses
 import pathlib
 from typing import Annotated
 
+import numpy as np
 import typer
 
 from softgym_mj.cli.console import console
-from softgym_mj.storage.files import make_folder, write_json
+from softgym_mj.storage.files import make_folder, read_json, write_json
 
 app = typer.Typer(help="Simulations against theory and recordings.", no_args_is_help=True)
 
@@ -78,27 +79,52 @@ def rope(
         list[str] | None, typer.Option(help="DLO1 to DLO5, repeatable; default: all.")
     ] = None,
     split: Annotated[str, typer.Option(help="eval or train.")] = "eval",
+    identified: Annotated[
+        pathlib.Path | None, typer.Option(help="Properties: a file of `identify rope`.")
+    ] = None,
     out: Annotated[pathlib.Path | None, typer.Option(help="JSON file of the results.")] = None,
 ) -> None:
     """Predicts five seconds of recorded cables held by two robots; downloads nothing.
 
     Errors are mean absolute errors per coordinate, open loop.
     """
+    from softgym_mj.reality.rope import identification, simulation
     from softgym_mj.reality.rope.experiment import measure
-    from softgym_mj.reality.rope.recordings import CABLES, read_recordings
-    from softgym_mj.reality.rope.scenario import EndsInterpolated, NothingMoves
+    from softgym_mj.reality.rope.recordings import CABLES, SOURCE, read_recordings
+    from softgym_mj.reality.rope.scenario import EndsInterpolated, NothingMoves, Solver
 
+    names = cable or CABLES
+    entries = {} if identified is None else read_json(identified)
+    found = {
+        name: identification.Identified.from_json(entries[name])
+        for name in names
+        if name in entries
+    }
+    recordings = {name: read_recordings(folder, name, split) for name in names}
     titles = "all [mm]", "free [mm]", "worst", "real time", "models"
-    recordings = {name: read_recordings(folder, name, split) for name in cable or CABLES}
     typer.echo(_ROPE_LINE.format("cable", "solver", *titles))
-    found = []
-    for own in recordings.values():
-        for solver in (NothingMoves(), EndsInterpolated()):
+    measured = []
+    for name, own in recordings.items():
+        spacing = simulation.marker_spacing(read_recordings(folder, name, "train"))
+        assumed = simulation.CableSolver("rope, assumed", spacing, simulation.ASSUMED)
+        solvers: list[Solver] = [NothingMoves(), EndsInterpolated(), assumed]
+        if name in found:
+            f = found[name]
+            spacing = np.array(f.spacing)
+            solvers.append(simulation.CableSolver("rope, identified", spacing, f.properties))
+        for solver in solvers:
             m = measure(solver, own)
-            found.append(dataclasses.asdict(m))
+            measured.append(dataclasses.asdict(m))
             numbers = [f"{1e3 * v:.1f}" for v in (m.error, m.free_error, m.worst)]
             speed = f"{m.real_time_factor:.0f}" if m.models else ""
-            typer.echo(_ROPE_LINE.format(m.cable, m.solver, *numbers, speed, ", ".join(m.models)))
+            typer.echo(_ROPE_LINE.format(name, m.solver, *numbers, speed, ", ".join(m.models)))
     if out is not None:
-        write_json(out, {"split": split, "measurements": found})
+        result = {
+            "source": SOURCE,
+            "split": split,
+            "assumed": dataclasses.asdict(simulation.ASSUMED),
+            "identified": {name: dataclasses.asdict(f) for name, f in found.items()},
+            "measurements": measured,
+        }
+        write_json(out, result)
         console.print(f"wrote {out}")

@@ -124,7 +124,8 @@ def test_a_solver_sees_the_start_and_the_held_markers_only():
 
 
 def test_the_command_prints_and_writes_errors(tmp_path):
-    cables.write(tmp_path, "DLO3", "eval", "1", cables.swinging())
+    for split in ("eval", "train"):
+        cables.write(tmp_path, "DLO3", split, "1", cables.swinging())
     out = tmp_path / "out.json"
     arguments = ["validate", "rope", str(tmp_path), "--cable", "DLO3", "--out", str(out)]
     result = CliRunner().invoke(commands.app, arguments)
