@@ -180,7 +180,7 @@ def test_without_a_solution_the_reference_stands_still(monkeypatch):
 
 def controlled(arm):
     """The kinematics of an arm, and what leads it."""
-    model = arm_bodies.kinematic_model(arm, [Mount((0.0, 0.0, 0.0), 0.0, 0.2, 0.8)])
+    model = arm_bodies.kinematic_model(arm, (Mount((0.0, 0.0, 0.0), 0.0, 0.2, 0.8),))
     limits = zip(arm.joints, arm.velocity_limits, strict=True)
     return model, cartesian.CartesianController(
         model, [f"{arm.name}_0/tcp"], arm_bodies.home(arm),

@@ -1,5 +1,6 @@
 """Bodies of arms in a scene, and the same arms alone for kinematics."""
 
+import functools
 import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -18,6 +19,7 @@ from softgym_mj.robots.arm.mounts import Mount
 # limit flutters at steps of 10 ms, because its damping is then explicit.
 DAMPING = 0.015
 FLOOR = "floor"  # Geom of the kinematic model.
+KEPT = 16  # Kinematic models in the cache; a model has some 30 kB.
 CAMERA = "wrist"  # Camera on the hand of an arm's model; in a scene, with the arm's number.
 PEDESTAL, PEDESTAL_COLOR = 0.11, (0.25, 0.26, 0.28, 1.0)  # Radius [m] and color: steel gray.
 
@@ -87,10 +89,12 @@ def add_arms(
             )  # fmt: skip
 
 
-def kinematic_model(arm: Arm, mounts: Sequence[Mount], tips: float = 0.0) -> mujoco.MjModel:
+@functools.lru_cache(maxsize=KEPT)
+def kinematic_model(arm: Arm, mounts: tuple[Mount, ...], tips: float = 0.0) -> mujoco.MjModel:
     """Returns a model of the arms alone, with open fingers, collision geoms and the floor.
 
-    The pads lack the last `tips` [m], which may come nearer to the floor than the rest.
+    It is compiled once for all environments of a process: nobody may change it. The pads lack the
+    last `tips` [m], which may come nearer to the floor than the rest.
     """
     root = mjcf.RootElement(model="kinematics")
     root.worldbody.add("geom", name=FLOOR, type="plane", size=[1.0, 1.0, 1.0])

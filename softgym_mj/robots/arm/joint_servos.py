@@ -52,7 +52,7 @@ class JointServos:
         self._names = names = arm_bodies.names(arm, number)
         tools = [f"{name}/{arm.tcp_site}" for name in names]
         limits = zip(arm.joints, arm.velocity_limits, strict=True)
-        self._kinematics = model = arm_bodies.kinematic_model(arm, mounts, tips)
+        self._kinematics = model = arm_bodies.kinematic_model(arm, tuple(mounts), tips)
         self.controller = CartesianController(
             model,
             tools,
