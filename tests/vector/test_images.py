@@ -1,6 +1,7 @@
 """Images of rows of arrays: their oracle is what OpenGL draws of a `SoftGymEnv`."""
 
 import ctypes
+import dataclasses
 
 import mujoco
 import numpy as np
@@ -12,6 +13,7 @@ from softgym_mj.batch.device import CpuDevice, function
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.rendering.batch import Pictures, describe, layout
+from softgym_mj.rendering.look import LOOKS, PAPER
 from softgym_mj.rendering.observables import LABELS
 from softgym_mj.vector.batch.cameras import IMAGES
 from tests.kinds import by_kind
@@ -77,7 +79,10 @@ def test_images_look_like_those_of_an_environment(task, domain):
 
 
 def test_the_front_of_a_cup_is_drawn_over_water_wherever_the_cup_is():
-    settings = {"observation": ["rgb", "segmentation"], "image_size": SIZE, "split": "all"}
+    settings = {
+        "observation": ["rgb", "segmentation"], "image_size": SIZE, "split": "all",
+        "fidelity": "fast",
+    }  # fmt: skip
     envs = softgym_mj.make_vec("transport_water", 1, device="host", **settings)
     env = SoftGymEnv("transport_water", **settings)
     envs.reset(options={"variation": [811]})
@@ -189,7 +194,9 @@ def test_an_environment_without_a_scene_is_not_drawn():
     assert not colors[0].any() and colors[1].all(axis=-1).any()
 
 
-def test_what_cannot_be_drawn_is_refused_by_name():
+def test_what_cannot_be_drawn_is_refused_by_name(monkeypatch):
+    small = dataclasses.replace(PAPER, texture_size=16)  # Refused once it has drawn its textures.
+    monkeypatch.setitem(LOOKS, "paper", small)
     for settings, name in (
         ({"observation": "point_cloud"}, "observation='point_cloud'"),
         ({"observation": "rgb", "look": "paper"}, "look='paper'"),

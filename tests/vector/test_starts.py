@@ -4,12 +4,22 @@ import numpy as np
 import pytest
 
 import softgym_mj
-from softgym_mj.vector.batch import initial_states
+from softgym_mj.vector.batch import episodes, initial_states
 from softgym_mj.vector.batch.cloth import ClothBatch
+
+MANY = 8
+
+
+@pytest.fixture(autouse=True)
+def _many(monkeypatch):
+    """Few environments are many; this process reads for all: `test_batch` has others read."""
+    monkeypatch.setattr(initial_states, "MANY", MANY)
+    monkeypatch.setattr(episodes, "MANY", MANY)
+    monkeypatch.setattr(initial_states, "num_cores", lambda: 1)
 
 
 def _make(number):
-    split = [*range(70)]
+    split = [*range(2 * MANY)]
     return softgym_mj.make_vec(
         "straighten_rope", number, device="host", split=split, horizon=2, fidelity="fast"
     )
@@ -25,12 +35,12 @@ def _play(envs):
 
 
 def test_many_environments_read_all_that_they_may_draw_before_their_first_step(monkeypatch):
-    envs = _make(initial_states.MANY)
+    envs = _make(MANY)
     envs.reset(seed=0)
     monkeypatch.setattr(
         initial_states, "read", lambda *_: pytest.fail("a start was read in a step")
     )
-    assert len(_play(envs)) > 50
+    assert len(_play(envs)) > MANY
     envs.close()
 
 
@@ -46,8 +56,8 @@ def test_few_environments_and_given_variations_read_what_they_play(monkeypatch):
     envs.reset(seed=0)
     assert len(seen) <= 3
     envs.close()
-    envs, seen[:] = _make(initial_states.MANY), []
-    envs.reset(options={"variation": [i % 5 for i in range(initial_states.MANY)]})
+    envs, seen[:] = _make(MANY), []
+    envs.reset(options={"variation": [i % 5 for i in range(MANY)]})
     assert sorted(seen) == [*range(5)]
     envs.close()
 
