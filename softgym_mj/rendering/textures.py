@@ -49,18 +49,24 @@ def texture_of(model: mujoco.MjModel, material: int) -> np.ndarray | None:
 def _noise(random: np.random.Generator, size: int, octaves: Sequence[int]) -> np.ndarray:
     """Returns smooth, tileable noise (size, size) of variance 1."""
     frequency = np.fft.fftfreq(size) * size
-    radius = np.hypot(*np.meshgrid(frequency, frequency))
     total = np.zeros((size, size))
     for octave in octaves:
+        # At higher frequencies the spectrum is below 1e-16.
+        along = np.arange(min(4 * octave + 1, size // 2 + 1))
+        radius = np.hypot(frequency[:, None], along)
         spectrum = np.exp(-(((radius - octave) / (0.5 * octave)) ** 2))
-        waves = np.fft.fft2(random.standard_normal((size, size))) * spectrum
-        part = np.fft.ifft2(waves).real
+        waves = np.fft.rfft(random.standard_normal((size, size)))[:, : len(along)]
+        waves = np.fft.ifft(np.fft.fft(waves, axis=0) * spectrum, axis=0)
+        part = np.fft.irfft(waves, size)
         total += part / part.std()
     return total / total.std()
 
 
 def _pixels(colors: np.ndarray) -> np.ndarray:
-    return np.round(255.0 * np.clip(colors, 0.0, 1.0)).astype(np.uint8)
+    """Returns colors in 0..255 (height, width, 3) uint8 of colors in 0..1, which it overwrites."""
+    np.clip(colors, 0.0, 1.0, out=colors)
+    colors *= 255.0
+    return np.rint(colors, out=colors).astype(np.uint8)
 
 
 @functools.lru_cache(maxsize=KEPT)
@@ -129,8 +135,10 @@ def strands(
     if look.is_stranded:
         depth = 0.5 + 0.5 * np.cos(2.0 * np.pi * lobes * around)  # 1 on top of a strand.
         shade = shade * (STRAND_SHADE + (1.0 - STRAND_SHADE) * np.sqrt(depth)[None, :])
-    ink = pattern(pattern_name, seed, around, around)[..., None]
-    tones = np.array(color) + ink * (second_tone(np.array(color), seed) - np.array(color))
+    tones = np.array(color)
+    if pattern_name != "plain":
+        ink = pattern(pattern_name, seed, around, around)[..., None]
+        tones = tones + ink * (second_tone(tones, seed) - tones)
     return asset(_pixels(shade[..., None] * tones))
 
 
