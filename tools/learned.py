@@ -46,9 +46,12 @@ def references() -> list[Reference]:
 
 
 def results() -> str:
-    """The table of all that was learned, and the curves if there are any."""
+    """Returns the table of all rows, and the curves if there are any.
+
+    Planners with small budgets are left out: the page has a table of planners.
+    """
     lines = []
-    for line in numbers_of(rows(), references()):
+    for line in (line for line in numbers_of(rows(), references()) if line["preset"] != "small"):
         numbers = [
             _ranged(line, "median", "percentile_25", "percentile_75") + _mark(line),
             _ranged(line, "iqm", "iqm_low", "iqm_high"),
