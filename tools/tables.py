@@ -22,6 +22,7 @@ from tools import (
     identification_tables,
     lab_tables,
     learned,
+    presets,
 )
 from tools.pages import between, replaced, table, with_table
 
@@ -38,6 +39,7 @@ DOCS = ROOT / "docs"
     REALITY,
     FOUND,
     PHYSICS,
+    LEARNING,
 ) = (
     ROOT / "README.md",
     DOCS / "domain.md",
@@ -49,10 +51,11 @@ DOCS = ROOT / "docs"
     DOCS / "reality.md",
     DOCS / "identification.md",
     DOCS / "physics.md",
+    DOCS / "learning.md",
 )
 PAGES = (
     README, DOMAIN, ROBOTS, VALIDATION, RESULTS, PICTURES, GPU, REALITY,
-    FOUND, PHYSICS,
+    FOUND, PHYSICS, LEARNING,
 )  # fmt: skip
 POLICIES = ("zero", "random", "scripted", "cem", "icem")
 
@@ -249,6 +252,7 @@ def pages() -> dict[pathlib.Path, str]:
     for name, of in lab_tables.TABLES.items():
         texts[REALITY] = between(texts[REALITY], name, of())
     texts[PHYSICS] = between(texts[PHYSICS], "lab", lab_tables.kept())
+    texts[LEARNING] = between(texts[LEARNING], "presets", presets.presets())
     texts[DOMAIN] = with_table(texts[DOMAIN], parameters())
     texts[VALIDATION] = between(texts[VALIDATION], "experts", experts.table(scores))
     texts[VALIDATION] = between(texts[VALIDATION], "cameras", pictures())
