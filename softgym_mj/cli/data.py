@@ -1,7 +1,6 @@
 """The commands `softgym-mj generate` and `softgym-mj record`."""
 
 import inspect
-import pathlib
 from collections.abc import Sequence
 from typing import Annotated, Any
 
@@ -41,9 +40,6 @@ def generate(
         str, typer.Option(help="Device: cpu (by --jobs), host or cuda (many at once).")
     ] = "cpu",
     fidelity: Annotated[str, typer.Option(help="Resolution of cloth and water.")] = "default",
-    pack: Annotated[
-        pathlib.Path | None, typer.Option(help="Also write all 1000 to this file.")
-    ] = None,
 ) -> None:
     """Generates settled initial states in the cache. The same command continues a stopped one."""
     check_name("device", device, DEVICES)
@@ -51,9 +47,6 @@ def generate(
     record = find(task)
     settings = {"fidelity": fidelity} if "fidelity" in record.arguments else {}
     store = record.build(**settings).store
-    if pack is not None and (start, num) != (0, NUM_VARIATIONS):
-        valid = f"with all {NUM_VARIATIONS} variations: without --start and --num"
-        raise InvalidArgumentError("pack", str(pack), valid)
     if store is None:
         raise InvalidArgumentError("task", record.name, "a task that stores its initial states")
     with make_executor(jobs, ray) as executor, progress_bar() as progress:
@@ -62,9 +55,6 @@ def generate(
             range(start, start + num), executor, lambda index: progress.advance(bar), batch_device
         )
     console.print(f"generated {made}, found {num - made}, in {store.folder}")
-    if pack is not None:
-        store.pack(pack)
-        console.print(f"packed into {pack} ({pack.stat().st_size / 1e6:.2f} MB)")
 
 
 def record(

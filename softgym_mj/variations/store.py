@@ -6,7 +6,6 @@ variation.
 
 import functools
 import logging
-import pathlib
 from collections.abc import Callable, Iterable, Sequence
 
 import mujoco
@@ -18,7 +17,7 @@ from softgym_mj.native.caches import CACHE_VARIABLE, cache_folder
 from softgym_mj.parallel.executors import Executor, Together
 from softgym_mj.storage.store import ARRAYS, Key, Store
 from softgym_mj.variations import packs
-from softgym_mj.variations.indices import NUM_VARIATIONS, Start, check_variation
+from softgym_mj.variations.indices import Start, check_variation
 
 # Results change between minor releases.
 _MUJOCO_SERIES = ".".join(mujoco.__version__.split(".")[:2])
@@ -114,18 +113,3 @@ class VariationStore(Store):
             lambda index, points: progress(index),
             replace=True,
         )
-
-    def pack(self, file: pathlib.Path) -> None:
-        """Writes all variations into one file, as shipped in the package.
-
-        Raises:
-            StoreError: if one is missing or damaged; if the file cannot be written.
-        """
-        missing = [index for index in range(NUM_VARIATIONS) if not self.has(index)]
-        if missing:
-            raise StoreError(
-                f"{self.file(missing[0])} is missing, and {len(missing) - 1} others of "
-                f"{NUM_VARIATIONS}: generate them first"
-            )
-        states = [self.get(index) for index in range(NUM_VARIATIONS)]
-        packs.write_pack(file, states, self.text)

@@ -164,7 +164,7 @@ COMMANDS: dict[str, tuple[dict[str, str], list[str]]] = {
                   "--settings", "--jobs", "--out"]),
     "plot": ({"--out": "x.png"}, ["--x", "--out", "--csv"]),
     "generate": ({"--num": "1", "--start": "3", "--fidelity": "fast"},
-                 ["--start", "--num", "--jobs", "--fidelity", "--pack"]),
+                 ["--start", "--num", "--jobs", "--fidelity"]),
     "record": ({"--episodes": "1", "--policy": "zero"},
                ["--policy", "--actor", "--grasp", "--split", "--episodes", "--start",
                 "--observation", "--settings", "--seed", "--dataset", "--author"]),

@@ -10,8 +10,9 @@ import pytest
 from softgym_mj import assets
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.variations import indices, packs
-from softgym_mj.variations import store as store_module
 from softgym_mj.variations.store import VariationStore
+from tools import packs as written
+from tools.packs import pack, write
 
 SPECIFICATION = '{"initializer": "test"}'
 
@@ -24,7 +25,7 @@ def some_states() -> list[np.ndarray]:
 def test_write_and_read(tmp_path):
     file = tmp_path / "deep" / "folder" / "states.npz"
     states = some_states()
-    packs.write_pack(file, states, SPECIFICATION)
+    write(file, states, SPECIFICATION)
     found = packs.read_pack(file, SPECIFICATION)
     assert len(found) == len(states)
     for state, expected in zip(found, states, strict=True):
@@ -37,13 +38,13 @@ def test_same_input_gives_the_same_bytes(file, tmp_path, monkeypatch):
     # Zip entries can hold a time of day; another day must give the same file.
     monkeypatch.setattr(time, "localtime", lambda *_: time.gmtime(2_000_000_000))
     monkeypatch.setattr(time, "time", lambda: 2e9)
-    packs.write_pack(tmp_path / "later", some_states(), SPECIFICATION)
+    write(tmp_path / "later", some_states(), SPECIFICATION)
     assert file.read_bytes() == (tmp_path / "later").read_bytes()
 
 
-def assert_corrupt(file: pathlib.Path, specification: str = SPECIFICATION) -> None:
+def assert_corrupt(file: pathlib.Path) -> None:
     with pytest.raises(StoreError) as error:
-        packs.read_pack(file, specification)
+        packs.read_pack(file, SPECIFICATION)
     assert str(file) in str(error.value)
     assert "softgym-mj generate" in str(error.value)
 
@@ -51,7 +52,7 @@ def assert_corrupt(file: pathlib.Path, specification: str = SPECIFICATION) -> No
 @pytest.fixture(name="file")
 def _file(tmp_path) -> pathlib.Path:
     file = tmp_path / "states.npz"
-    packs.write_pack(file, some_states(), SPECIFICATION)
+    write(file, some_states(), SPECIFICATION)
     return file
 
 
@@ -74,7 +75,7 @@ def test_another_file(file):
 
 
 def test_wrong_specification(file):
-    assert_corrupt(file, specification=SPECIFICATION.replace("test", "other"))
+    assert packs.read_pack(file, SPECIFICATION.replace("test", "other")) is None
 
 
 @pytest.mark.parametrize("mask", [0x01, pytest.param(0xFF, marks=pytest.mark.slow)], ids=hex)
@@ -99,11 +100,11 @@ def test_any_altered_byte_of_the_file_is_seen_or_harmless(file, mask):
 @pytest.fixture(name="packed")
 def _packed(store, initializer, tmp_path, monkeypatch) -> pathlib.Path:
     """All of six variations packed into the place of the shipped set; the cache is empty."""
-    for module in (indices, store_module):
+    for module in (indices, written):
         monkeypatch.setattr(module, "NUM_VARIATIONS", 6)
     store.generate_missing(range(6))
     file = tmp_path / "assets" / f"{initializer.name}.npz"
-    store.pack(file)
+    pack(store, file)
     for index in range(6):
         store.file(index).unlink()
     pathlib.Path(initializer.log).unlink()
@@ -122,10 +123,10 @@ def test_pack_holds_all_variations(packed, initializer):
 
 
 def test_pack_needs_all_variations(store, tmp_path, monkeypatch):
-    monkeypatch.setattr(store_module, "NUM_VARIATIONS", 4)
+    monkeypatch.setattr(written, "NUM_VARIATIONS", 4)
     store.generate_missing((0, 1, 3))
     with pytest.raises(StoreError, match=r"0002\.value is missing"):
-        store.pack(tmp_path / "packed.npz")
+        pack(store, tmp_path / "packed.npz")
     assert not (tmp_path / "packed.npz").exists()
 
 
