@@ -66,27 +66,10 @@ def test_refused_by_name(name, capsys, monkeypatch, tmp_path):
     assert all(word in printed for word in WORDS[name]), printed
 
 
-QUEUE = """
-[[run]]
-task = "straighten_rope"
-method = "sac"
-preset = "fast"
-replay = "symmetric"
-seeds = 5
-gpu_minutes = 5
-why = "[/b] and [red]"
-"""
-
-
 def test_texts_of_users_are_no_markup(capsys, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     status, printed = run([*EVALUATE, "--out", "a[/b]"], capsys, monkeypatch)
     assert status == 0 and "a[/b]" in "".join(printed.split())
-    (tmp_path / "queue.toml").write_text(QUEUE)
-    (tmp_path / "learning.csv").write_text((RESULTS / "learning.csv").read_text())
-    monkeypatch.setenv("COLUMNS", "200")
-    status, printed = run(["learning", "queue", "--results", "."], capsys, monkeypatch)
-    assert status == 0 and "[/b] and [red]" in printed
 
 
 @pytest.mark.parametrize(("method", "preset"), [("sac", "night"), ("rlpd", "fast")])
