@@ -156,8 +156,9 @@ WORDS = [
 ]  # fmt: skip
 # Options of each command that keep it short, and all that it has.
 COMMANDS: dict[str, tuple[dict[str, str], list[str]]] = {
-    "rollout": ({"--episodes": "1", "--policy": "zero"},
-                ["--policy", "--actor", "--grasp", "--split", "--episodes", "--seed", "--video"]),
+    "rollout": ({"--episodes": "1", "--policy": "zero", "--look": "fast"},
+                ["--policy", "--actor", "--grasp", "--split", "--episodes", "--seed", "--look",
+                 "--video"]),
     "evaluate": ({"--episodes": "1", "--policy": "zero"},
                  ["--policy", "--actor", "--grasp", "--split", "--episodes", "--variations",
                   "--seeds", "--horizon", "--budget", "--iterations", "--replan-every",
