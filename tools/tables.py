@@ -1,7 +1,8 @@
 """Writes tables into README.md and docs: of the tasks, and of what was measured.
 
 That is docs/cameras.json, docs/experts.json, docs/throughput.json, docs/vector.json, those of
-tools/gpu_tables.py and tools/identification_tables.py, docs/lab.csv, and docs/results.
+tools/gpu_tables.py and tools/identification_tables.py, docs/lab.csv,
+docs/rope_recordings.json, and docs/results.
 """
 
 import json
@@ -23,6 +24,7 @@ from tools import (
     lab_tables,
     learned,
     presets,
+    rope_tables,
 )
 from tools.pages import between, replaced, table, with_table
 
@@ -249,7 +251,7 @@ def pages() -> dict[pathlib.Path, str]:
         texts[GPU] = between(texts[GPU], name, of())
     for name, of in identification_tables.TABLES.items():
         texts[FOUND] = between(texts[FOUND], name, of())
-    for name, of in lab_tables.TABLES.items():
+    for name, of in (lab_tables.TABLES | rope_tables.TABLES).items():
         texts[REALITY] = between(texts[REALITY], name, of())
     texts[PHYSICS] = between(texts[PHYSICS], "lab", lab_tables.kept())
     texts[LEARNING] = between(texts[LEARNING], "presets", presets.presets())

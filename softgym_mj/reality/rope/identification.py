@@ -39,7 +39,8 @@ class Identified:
 
     Attributes:
         properties: Identified and assumed properties.
-        intervals: 95 % interval of each unknown, from the differences between recordings.
+        intervals: 95 % interval of each unknown, from the differences between recordings, within
+            the bounds of the search.
         spacing: Measured lengths (n - 1,) [m] of the cable between n markers.
         recordings: Number of recordings.
     """
@@ -120,7 +121,7 @@ def identify(
         max_nfev=EVALUATIONS,
     )
     reach = _TWO_SIDED * _deviations(search.jac, search.fun, len(recordings))
-    low, high = _properties(search.x - reach), _properties(search.x + reach)
+    low, high = (_properties(np.clip(search.x + d, *np.log(bounds))) for d in (-reach, reach))
     intervals = {name: (getattr(low, name), getattr(high, name)) for name in UNKNOWNS}
     return Identified(_properties(search.x), intervals, tuple(spacing.tolist()), len(recordings))
 
