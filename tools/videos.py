@@ -22,7 +22,7 @@ from softgym_mj.registry import TASKS
 DOCS = pathlib.Path(__file__).parent.parent / "docs"
 FOLDER, LEARNED = DOCS / "videos", DOCS / "results" / "policies"
 SIZE = 240  # Side [pixels].
-PASSES = 8  # Number of images averaged: soft shadows, smooth edges.
+PASSES = 16  # Number of images averaged: soft shadows, smooth edges.
 QUALITY = 60  # WebP quality, 0..100.
 COLUMNS, FRAMES, FRAME = 6, 100, 80  # Columns, images and their duration [ms] of `tasks`.
 LABEL = 15  # Height of the names in it [pixels].

@@ -113,7 +113,7 @@ LIGHTS = (
 AMBIENT, HEADLIGHT = 0.32, 0.10  # Intensity of ambient light, and of the light at the camera.
 SKY, HORIZON = (0.86, 0.88, 0.90), (0.93, 0.935, 0.94)
 GAMMA = 2.2  # Display gamma (sRGB approximation).
-SUN_RADIUS = 0.28  # Radius of the disc on which passes move the sun, at distance 1.
+SUN_RADIUS = 0.14  # Radius of the disc on which passes move the sun, at distance 1.
 
 
 @dataclasses.dataclass(frozen=True)
