@@ -46,8 +46,9 @@ def summary(training: Training) -> str:
     total, rate = training.settings.env_steps, training.covered / max(training.seconds, 1e-9)
     words = [f"{training.phase}: {training.covered:,} of {total:,} env steps"]
     if training.covered:
-        minutes = (total - training.covered) / rate / 60.0
-        words.append(f"{rate * len(training.seeds):.0f}/s, {minutes:.0f} min left")
+        words.append(f"{rate * len(training.seeds):.0f}/s")
+    if 0 < training.covered < total:  # The estimate omits the final evaluation.
+        words.append(f"{(total - training.covered) / rate / 60.0:.0f} min left")
     words.append(f"{training.learner.updates:,} updates")
     scores = [row for row in training.rows if row["split"] == "evaluate"][-len(training.seeds) :]
     if scores:

@@ -40,7 +40,9 @@ def test_a_log_has_lines_of_how_a_training_goes(tmp_path, monkeypatch):
     assert done.exit_code == 0, done.output
     lines = done.output.splitlines()
     assert any(re.fullmatch(f"{name}continues from 8 env steps in {tmp_path}", s) for s in lines)
+    assert any(re.match(f"{name}evaluates: 16 of 16 env steps, \\d+/s, ", s) for s in lines)
     assert any(re.match(f"{name}ended: 16 of 16 env steps, .*, held out", s) for s in lines)
+    assert not any("16 of 16" in s and "min left" in s for s in lines)
 
 
 def test_a_function_is_called_by_the_clock_and_at_the_end():
