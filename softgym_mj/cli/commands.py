@@ -108,6 +108,7 @@ def main() -> None:
     errors = rich.console.Console(stderr=True)
     log.handlers = [rich.logging.RichHandler(console=errors, show_level=False, show_path=False)]
     log.setLevel(logging.INFO)
+    log.propagate = False  # absl's handler of the root logger would print each line again.
     if os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())  # At the end: installed packages have priority.
     try:
@@ -115,6 +116,8 @@ def main() -> None:
     except (SoftGymError, OSError) as error:
         typer.echo(f"{type(error).__name__}: {error}", err=True)
         raise SystemExit(1) from None
+    finally:
+        log.propagate = True
 
 
 if __name__ == "__main__":

@@ -1,5 +1,8 @@
 """Commands for GPUs, of which none is needed here."""
 
+import io
+import logging
+
 import pytest
 import torch
 from typer.testing import CliRunner
@@ -43,3 +46,13 @@ def test_what_there_is_no_gpu_for():
             gpu.CudaDevice()
         failed = CliRunner().invoke(commands.app, ["compile"])
         assert isinstance(failed.exception, UnavailableError)
+
+
+def test_a_line_of_the_log_is_printed_once(monkeypatch, capsys):
+    others = logging.StreamHandler(io.StringIO())  # As absl, which dm_control imports, adds one.
+    monkeypatch.setattr(logging.root, "handlers", [*logging.root.handlers, others])
+    log = logging.getLogger("softgym_mj.batch.gpu")
+    monkeypatch.setattr(commands, "app", lambda: log.info("Compiling"))
+    commands.main()
+    assert capsys.readouterr().err.count("Compiling") == 1
+    assert others.stream.getvalue() == ""
