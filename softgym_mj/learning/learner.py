@@ -9,6 +9,7 @@ from torch import Tensor, nn
 
 import softgym_mj
 from softgym_mj.envs.environment import Environment
+from softgym_mj.exceptions import InvalidArgumentError
 
 
 @dataclasses.dataclass(frozen=True)
@@ -141,6 +142,20 @@ class Method:
     preset: str
     settings: Any
     make: Callable[[Any, Problem], Learner]
+
+
+def check_random_steps(settings: Any, env_steps: int, num_envs: int) -> None:
+    """Raises `InvalidArgumentError` if a method's random steps leave none to learn from.
+
+    Args:
+        settings: Settings of a method, with or without `random_steps`.
+        env_steps: Env steps of each seed.
+        num_envs: Number of environments of each seed.
+    """
+    random_steps, most = getattr(settings, "random_steps", 0), env_steps - num_envs
+    if random_steps > most:
+        valid = f"0 to {most}, so that {env_steps=} has a step of {num_envs=} to learn from"
+        raise InvalidArgumentError("random_steps", random_steps, valid)
 
 
 def split_by_seed(problem: Problem, array: Any) -> Tensor:

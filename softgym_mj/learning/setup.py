@@ -13,7 +13,7 @@ from torch import Tensor
 import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError, SoftGymError, UnavailableError
 from softgym_mj.learning.exploring import Explorer, problem_of
-from softgym_mj.learning.learner import Learner, Method, Offline
+from softgym_mj.learning.learner import Learner, Method, Offline, check_random_steps
 from softgym_mj.learning.players import Players
 from softgym_mj.learning.settings import TrainingSettings
 
@@ -32,6 +32,11 @@ class TrainingSetup:
         done: Number of finished parts.
         learner: The learner.
         phase: "starts", "starts a part", "repeats a part", "learns", "evaluates" or "ended".
+
+    Raises:
+        InvalidArgumentError: for settings by which nothing would be learned, or that need more
+            memory than there is.
+        UnavailableError: without the learner's device.
     """
 
     settings: TrainingSettings
@@ -47,6 +52,7 @@ class TrainingSetup:
 
     def __post_init__(self):
         settings = self.settings
+        check_random_steps(self.method.settings, settings.env_steps, settings.num_envs)
         self._begun, self._before = time.perf_counter(), 0.0  # Start; seconds of earlier sessions.
         # Vector steps of the part so far, their actions (seeds, num_envs, n), and the learner's
         # memory.

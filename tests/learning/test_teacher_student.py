@@ -16,10 +16,11 @@ TEACHER = {
 
 
 def _learner(env_steps=NUM_ENVS * 160, **settings):
-    own = {**SMALL, "hidden": (32,), "updates": 4, "batch": 64, "rate": 3e-3}
-    found = TeacherStudentSettings(
-        **own | settings, teacher_env_steps=NUM_ENVS * LAST, teacher_settings=TEACHER
-    )
+    own = {
+        **SMALL, "hidden": (32,), "updates": 4, "batch": 64, "rate": 3e-3,
+        "teacher_env_steps": NUM_ENVS * LAST,
+    }  # fmt: skip
+    found = TeacherStudentSettings(**own | settings, teacher_settings=TEACHER)
     return make(found, problem(env_steps=env_steps))
 
 
@@ -97,3 +98,8 @@ def test_teachers_act_alone_before_students_do_and_label_later():
 def test_env_steps_must_be_left_for_the_student():
     with pytest.raises(InvalidArgumentError, match="teacher_env_steps"):
         _learner(env_steps=NUM_ENVS * LAST)
+
+
+def test_env_steps_must_be_left_for_the_teacher():
+    with pytest.raises(InvalidArgumentError, match="random_steps"):
+        _learner(teacher_env_steps=TEACHER["random_steps"])

@@ -238,7 +238,7 @@ def test_the_command(tmp_path, no_policies):
     both = {**vars(SETTINGS), **vars(METHOD.settings)}
     settings = {name: value for name, value in both.items() if name != "task"}
     command = ["train", "sac", "straighten_rope", "--preset", "paper", "--device", "host"]
-    command += ["--settings", json.dumps({**settings, "env_steps": 8}), "--out", str(tmp_path)]
+    command += ["--settings", json.dumps({**settings, "env_steps": 16}), "--out", str(tmp_path)]
     done = CliRunner().invoke(commands.app, command)
     assert done.exit_code == 0, done.output
     assert "seed 0, evaluate, 2 episodes" in done.output
@@ -284,7 +284,7 @@ def test_other_settings_are_refused(whole):
 )
 def test_a_task_is_trained_with_arguments_of_its_own(tmp_path, no_policies, device, own):
     arguments = {"domain": {"friction": [1.31, 1.32]}, "action_repeat": 1, **own}
-    small = {**vars(SETTINGS), **vars(METHOD.settings), "arguments": arguments, "env_steps": 8}
+    small = {**vars(SETTINGS), **vars(METHOD.settings), "arguments": arguments, "env_steps": 16}
     if own:  # Arms have no symmetries.
         small |= {"symmetric": False, "symmetrize_policy": False, "final_episodes": 1}
     settings, method = find_preset("sac", "fast", small.pop("task"), **small)
@@ -325,13 +325,11 @@ def test_bad_arguments_of_tasks_are_refused(tmp_path, arguments, message):
         ({"hidden": [0]}, "hidden=0"),
         ({"hidden": [10**9]}, "hidden=1000000000"),
         ({"batch": 10**12}, "batch=1000000000000"),
-        (
-            {"replay": 10**12, "num_envs": 4, "env_steps": 4, "part": 4},
-            "replay of sac cannot be made",
-        ),
+        ({"replay": 10**12}, "replay of sac cannot be made"),
+        ({"random_steps": 4}, r"random_steps=4 is refused; valid: 0 to 0, .*env_steps=4"),
     ],
 )
 def test_impossible_settings_are_refused(tmp_path, settings, message):
-    settings |= {"num_envs": 4, "env_steps": 4, "part": 4}
+    settings = {"num_envs": 4, "env_steps": 4, "part": 4, "random_steps": 0, **settings}
     with pytest.raises(InvalidArgumentError, match=message):
         Training(*find_preset("sac", "night", "straighten_rope", **settings), [0], tmp_path, "host")

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count
-from softgym_mj.learning.learner import Learner, Problem, Step
+from softgym_mj.learning.learner import Learner, Problem, Step, check_random_steps
 from softgym_mj.learning.methods.distill import Distill
 from softgym_mj.learning.methods.students import Observation, StudentSettings
 from softgym_mj.learning.registry import find_preset
@@ -131,6 +131,7 @@ def make(settings: TeacherStudentSettings, problem: Problem) -> TeacherStudent:
     _, method = find_preset(
         settings.teacher_method, settings.teacher_preset, problem.task, **settings.teacher_settings
     )
+    check_random_steps(method.settings, share, problem.num_envs)
     own = dataclasses.replace(
         problem, observed=settings.privileged, observation=problem.shapes[settings.privileged],
         shapes={}, env_steps=share,
