@@ -34,7 +34,7 @@ def test_the_contrastive_loss_is_that_of_the_paper():
     curl.update(batch_of_images(2, size=SIZE, seed=1))  # So that targets are no copies.
     anchors, others = pictures(2, 4, (CROP, CROP)), pictures(2, 4, (CROP, CROP), seed=1)
     result = curl.contrastive_loss(anchors, others)
-    z_a, z_p = curl.critics.encoder(anchors).detach(), curl.targets.encoder(others)
+    z_a, z_p = curl.critics.seen(anchors).detach(), curl.targets.seen(others)
     for seed in range(2):
         expected = 0.0
         for i in range(4):
@@ -67,7 +67,7 @@ def test_an_update_is_that_of_the_paper():
     noise = drawn(source, 5, ACTION)
     seen = type(batch)(crops[0], batch.action, batch.reward, crops[1], batch.discount)
     # By an optimizer of PyTorch for each.
-    encoder, contrast = [*alike.critics.encoder.parameters()], alike.contrast.weight
+    encoder, contrast = [*alike.critics.seen.parameters()], alike.contrast.weight
     for weights, rates, loss in (
         ([*alike.critics.parameters()], [3e-4], lambda: alike.critic_loss(seen, noise)),
         (encoder, [1e-3, 1e-3], lambda: alike.contrastive_loss(crops[0], crops[2])),
@@ -96,9 +96,9 @@ def test_targets_of_the_encoder_follow_faster():
         for parameter in target.parameters():
             parameter.fill_(0.0)
     curl._follow()
-    for parameter in target.encoder.parameters():
+    for parameter in target.seen.parameters():
         torch.testing.assert_close(parameter, torch.full_like(parameter, weight))
-    for parameter in target.critics.parameters():
+    for parameter in target.body.parameters():
         torch.testing.assert_close(parameter, torch.full_like(parameter, 0.01))
 
 

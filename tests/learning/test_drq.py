@@ -95,9 +95,9 @@ def _moved(image, row, column):
 
 def test_features_are_in_minus_1_to_1():
     drq, batch = _drq(), batch_of_images(2)
-    features = drq.critics.encoder(batch.observation)
+    features = drq.critics.seen(batch.observation)
     assert features.abs().max() < 1.0
-    before = drq.critics.encoder[:-1](batch.observation)  # Normalized.
+    before = drq.critics.seen[:-1](batch.observation)  # Normalized.
     torch.testing.assert_close(before.mean(-1), torch.zeros(2, NUMBER), atol=1e-5, rtol=0)
     torch.testing.assert_close(torch.tanh(before), features)
 

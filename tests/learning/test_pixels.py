@@ -144,9 +144,9 @@ def _sac(seeds=(0, 1), size=SIZE, **settings):
 
 def test_only_critics_teach_the_convolutions():
     sac, batch, noise = _sac(), batch_of_images(2), torch.zeros(2, 5, ACTION)
-    shared, head = sac.actor.body[0], sac.actor.body[2]
-    assert sac.critics.encoder[0] is shared and sac.critics.encoder[1] is not head
-    assert sac.targets.encoder[0] is not shared
+    shared, head = sac.actor.seen[0], sac.actor.seen[2]
+    assert sac.critics.seen[0] is shared and sac.critics.seen[1] is not head
+    assert sac.targets.seen[0] is not shared
     sac.actor.sample(batch.observation, noise)[0].sum().backward()
     assert all(weight.grad is None for weight in shared.parameters()) and head.weight.grad.any()
     sac.actor.zero_grad()

@@ -82,7 +82,7 @@ class CURL(PixelSAC):
         """Draws the networks; arguments are those of `PixelSAC`."""
         super().__init__(settings, seeds, (settings.crop, settings.crop), action, device)
         self.contrast = Contrast(self.sources, settings.features)
-        weights, rate = [*self.critics.encoder.parameters()], settings.encoder_rate
+        weights, rate = [*self.critics.seen.parameters()], settings.encoder_rate
         self._encoder_adam = adam(weights, rate)
         self._contrast_adam = adam([*weights, *self.contrast.parameters()], rate)
 
@@ -107,14 +107,14 @@ class CURL(PixelSAC):
             others: Crops of the same images, in the same order.
         """
         with torch.no_grad():
-            keys = self.targets.encoder(others)
+            keys = self.targets.seen(others)
         # The cross entropy subtracts the maximum of each row internally.
-        shares = self.contrast(self.critics.encoder(anchors), keys).log_softmax(-1)
+        shares = self.contrast(self.critics.seen(anchors), keys).log_softmax(-1)
         return -shares.diagonal(dim1=-2, dim2=-1).mean(-1)
 
     def _follow(self) -> None:
-        polyak_update(self.targets.critics, self.critics.critics, self.settings.tau)
-        polyak_update(self.targets.encoder, self.critics.encoder, self.settings.encoder_tau)
+        polyak_update(self.targets.body, self.critics.body, self.settings.tau)
+        polyak_update(self.targets.seen, self.critics.seen, self.settings.encoder_tau)
 
     # ------------------------------------------------------------------ state
 

@@ -52,14 +52,14 @@ class PixelSettings(SACSettings):
             raise InvalidArgumentError("symmetric", True, "False: images are shown as they are")
 
 
-def picture_size(problem: Problem) -> tuple[int, int]:
+def picture_size(problem: Problem, least: int = LEAST) -> tuple[int, int]:
     """Returns height and width of a problem's images.
 
     Raises:
-        InvalidArgumentError: for a problem without images or with too small ones.
+        InvalidArgumentError: for a problem without images or with sides shorter than `least`.
     """
-    if len(problem.observation) != 3 or min(problem.observation[:2]) < LEAST:
-        valid = f"images (height, width, 3) of {LEAST} or more pixels: observation 'rgb'"
+    if len(problem.observation) != 3 or min(problem.observation[:2]) < least:
+        valid = f"images (height, width, 3) of {least} or more pixels: observation 'rgb'"
         raise InvalidArgumentError("observation", problem.observation, valid)
     return problem.observation[0], problem.observation[1]
 
@@ -111,7 +111,7 @@ class Convolutions(nn.Module):
         """Draws the weights: orthogonal at the center of kernels, 0 elsewhere [S].
 
         Args:
-            sources: of random numbers, one a seed.
+            sources: Random generators, one per seed.
             channels: Channels of each convolution.
             size: Height and width of the center crop that is used.
             kind: Data type of the computation; weights and outputs are float32.
@@ -154,23 +154,6 @@ class StopGradient(nn.Module):
         return x.detach()
 
 
-class SeenCritics(nn.Module):
-    """Critics of features of images.
-
-    Attributes:
-        encoder: Maps images (seeds, n, height, width, 3) to features (seeds, n, k).
-        critics: Critics of features.
-    """
-
-    def __init__(self, encoder: nn.Module, critics: nn.Module):
-        super().__init__()
-        self.encoder, self.critics = encoder, critics
-
-    def forward(self, observation: Tensor, action: Tensor) -> Tensor:
-        """Returns action values (2, seeds, n)."""
-        return self.critics(self.encoder(observation), action)
-
-
 class PixelSAC(SAC):
     """Soft actor-critic on features of images that the critic loss trains."""
 
@@ -184,15 +167,7 @@ class PixelSAC(SAC):
         action: int,
         device: torch.device | str = "cpu",
     ):
-        """Draws the networks.
-
-        Args:
-            settings: Settings of the method.
-            seeds: Seeds of the trainings.
-            size: Height and width of the center crop that is used.
-            action: Size of an action.
-            device: PyTorch device.
-        """
+        """Draws the networks for center crops of a size; other arguments are those of `SAC`."""
         self._size = size
         super().__init__(settings, seeds, settings.features, action, device)
 
@@ -200,9 +175,10 @@ class PixelSAC(SAC):
         actor, critics = super()._networks(observation, action)
         kind = torch.bfloat16 if self.settings.bfloat16 else torch.float32
         convolutions = Convolutions(self.sources, self.settings.channels, self._size, kind)
-        own, shared = (self._head(convolutions.outputs, observation) for _ in range(2))
-        actor.body = nn.Sequential(convolutions, StopGradient(), *own, *actor.body)
-        return actor, SeenCritics(nn.Sequential(convolutions, *shared), critics)
+        own, of_critics = (self._head(convolutions.outputs, observation) for _ in range(2))
+        actor.seen = nn.Sequential(convolutions, StopGradient(), *own)
+        critics.seen = nn.Sequential(convolutions, *of_critics)
+        return actor, critics
 
     def _head(self, inputs: int, features: int) -> list[nn.Module]:
         """Returns the layers after the convolutions."""

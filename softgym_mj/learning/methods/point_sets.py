@@ -117,41 +117,6 @@ class PointSets(nn.Module):
         return torch.cat(result, dim=-1)
 
 
-class PointActor(Actor):
-    """Actor on full states."""
-
-    def __init__(self, encoder: PointSets, *args: Any):
-        """Draws the network.
-
-        Args:
-            encoder: Encoder of full states.
-            *args: Arguments of `Actor` without the size of observations.
-        """
-        sources, *others = args
-        super().__init__(sources, encoder.size, *others)
-        self.body = nn.Sequential(encoder, *self.body)
-
-
-class PointCritics(Critics):
-    """Critics of full states with a shared encoder."""
-
-    def __init__(self, encoder: PointSets, *args: Any, norm: bool):
-        """Draws the networks.
-
-        Args:
-            encoder: Encoder of full states.
-            *args: Arguments of `Critics` without the size of observations.
-            norm: Argument of `Critics`.
-        """
-        sources, *others = args
-        super().__init__(sources, encoder.size, *others, norm=norm)
-        self.encoder = encoder
-
-    def forward(self, observation: Tensor, action: Tensor) -> Tensor:
-        """Returns action values (number, seeds, n)."""
-        return super().forward(self.encoder(observation), action)
-
-
 class PointSAC(SAC):
     """Soft actor-critic on full states."""
 
@@ -165,15 +130,7 @@ class PointSAC(SAC):
         action: int,
         device: torch.device | str = "cpu",
     ):
-        """Draws the networks.
-
-        Args:
-            settings: Settings of the method.
-            seeds: Seeds of the trainings.
-            where: Layout of the full state.
-            action: Size of an action.
-            device: PyTorch device.
-        """
+        """Draws the networks for a layout of full states; other arguments are those of `SAC`."""
         self._where = where
         size = len(where.rest) + 3 * sum(number for _, number in where.sets)
         super().__init__(settings, seeds, size, action, device)
@@ -184,10 +141,10 @@ class PointSAC(SAC):
             PointSets(self.sources, self._where, settings.points, norm=normed)
             for normed in (False, norm)
         )
-        rest = self.sources, action, settings.hidden
+        sizes = of_actor.size, action, settings.hidden
         return (
-            PointActor(of_actor, *rest, settings.log_std),
-            PointCritics(of_critics, *rest, norm=norm),
+            Actor(self.sources, *sizes, settings.log_std, of_actor),
+            Critics(self.sources, *sizes, norm=norm, seen=of_critics),
         )
 
 
