@@ -7,7 +7,7 @@ one file each, for interrupted and later trainings, until the expert's code chan
 import functools
 import json
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -43,10 +43,6 @@ _NOTICE = (
 )
 
 
-def _tell(done: int, episodes: int) -> None:
-    _log.info("%d of %d demonstrations", done, episodes)
-
-
 def check_demonstrations(episodes: int, jobs: int | None) -> None:
     """Raises `InvalidArgumentError` for an invalid number of demonstrations or processes."""
     check_count("demonstrations", episodes, 1, len(SPLITS["train"]))
@@ -58,7 +54,6 @@ def collect(
     problem: Problem,
     episodes: int,
     jobs: int | None = None,
-    progress: Callable[[int, int], None] = _tell,
     noise: float = 0.0,
 ) -> Step:
     """Collects the expert's steps (episodes, steps, ...) in training variations 0..episodes - 1.
@@ -69,7 +64,6 @@ def collect(
         problem: Learning problem: task, observations, reward scale and device.
         episodes: Number of episodes.
         jobs: Number of processes; None for the number of cores.
-        progress: Called after each episode with the numbers of finished and of all episodes.
         noise: Standard deviation of the noise on applied actions, as in `recording.record`.
 
     Raises:
@@ -78,7 +72,7 @@ def collect(
         StoreError: if the cache cannot be written.
     """
     check_name("observation", problem.observed, OBSERVATIONS)
-    result = _collected(problem, {"observation": problem.observed}, episodes, jobs, progress, noise)
+    result = _collected(problem, {"observation": problem.observed}, episodes, jobs, noise)
     seen, terminated = result["observations"], result["terminations"]
     ended = terminated.clone()
     ended[:, -1] = True
@@ -104,7 +98,7 @@ def collect_images(
     seen: dict[str, Any] = {"observation": [*problem.shapes]}
     if sizes := [shape for shape in problem.shapes.values() if len(shape) > 1]:
         seen["image_size"] = sizes[0][-3:-1] if len(sizes[0]) > 2 else sizes[0]
-    result = _collected(problem, seen, episodes, jobs, _tell, noise)
+    result = _collected(problem, seen, episodes, jobs, noise)
     names = seen["observation"]
     keys = [f"observations/{name}" for name in names] if len(names) > 1 else ["observations"]
     observations = {name: result[key][:, :-1] for name, key in zip(names, keys, strict=True)}
@@ -116,14 +110,13 @@ def _collected(
     seen: Mapping[str, Any],
     episodes: int,
     jobs: int | None,
-    progress: Callable[[int, int], None],
     noise: float,
 ) -> dict[str, Tensor]:
     """Returns the arrays of episodes (episodes, ...) by name.
 
     Args:
         seen: Arguments of the task that set its observation.
-        problem, episodes, jobs, progress, noise: Arguments of `collect`.
+        problem, episodes, jobs, noise: Arguments of `collect`.
     """
     check_demonstrations(episodes, jobs)
     check_noise(noise)
@@ -142,7 +135,7 @@ def _collected(
 
     def add(variation: int, arrays: dict[str, np.ndarray]) -> None:
         result[variation] = arrays
-        progress(len(result), episodes)
+        _log.info("%d of %d demonstrations", len(result), episodes)
 
     with make_executor(jobs or num_cores()) as executor:
         if missing := sum(not store.has(variation) for variation in range(episodes)):

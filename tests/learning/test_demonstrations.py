@@ -85,7 +85,7 @@ def test_images_are_what_the_expert_sees(cache):
         assert not torch.equal(again["rgb"][variation, 5], seen["rgb"][variation, 5])
 
 
-def test_what_was_killed_goes_on_from_what_is_there(cache):
+def test_what_was_killed_goes_on_from_what_is_there(cache, monkeypatch):
     whole = collect(PROBLEM, 3, 1)
     for file in cache.glob("demonstrations/*/000[12].value"):
         file.unlink()
@@ -97,13 +97,15 @@ def test_what_was_killed_goes_on_from_what_is_there(cache):
 
     (first,) = written().items()
 
-    def kill(done, episodes):
-        calls.append((done, episodes))
-        if done == 2:
-            raise KeyboardInterrupt
+    def kill(text, *numbers):
+        if text == "%d of %d demonstrations":
+            calls.append(numbers)
+            if numbers[0] == 2:
+                raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt):
-        collect(PROBLEM, 3, 1, kill)
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(demonstrations._log, "info", kill)
+        collect(PROBLEM, 3, 1)
     before = written()
     assert calls == [(1, 3), (2, 3)] and {*before} == {0, 1} and first in before.items()
     assert _equal(collect(PROBLEM, 3, 1), whole)
