@@ -9,6 +9,7 @@ from torch import Tensor
 
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.learner import Method, Problem, Step, split_by_seed
+from softgym_mj.learning.networks import where
 from softgym_mj.learning.settings import TrainingSettings
 
 _PARTS = 1_000_003  # Separates the seeds of environments of different parts.
@@ -62,14 +63,12 @@ class Explorer:
         firsts = [(seed * _PARTS + part) * number for seed in seeds]
         each = [first + i for first in firsts for i in range(number)]
         seen, _ = self._envs.reset(seed=each, options={"stagger": number})
-        observation = split_by_seed(self._problem, seen)
+        observation = self._split(seen)
         first = torch.ones(len(seeds), number, dtype=torch.bool, device=self._problem.device)
         for action in actions:
             seen, _, terminated, truncated, _ = self._envs.step(self.env_actions(action))
-            observation = split_by_seed(self._problem, seen)
-            first = split_by_seed(self._problem, terminated) | split_by_seed(
-                self._problem, truncated
-            )
+            observation = self._split(seen)
+            first = self._split(terminated) | self._split(truncated)
         return observation, first
 
     def step(
@@ -88,14 +87,11 @@ class Explorer:
         """
         seen, rewards, terminated, truncated, infos = self._envs.step(self.env_actions(action))
         self._note_scores(infos)
-        following = split_by_seed(self._problem, seen)
-        terminated, truncated = (
-            split_by_seed(self._problem, each) for each in (terminated, truncated)
-        )
-        ended = terminated | truncated
+        following, terminated = self._split(seen), self._split(terminated)
+        ended = terminated | self._split(truncated)
         step = Step(
             observation, action,
-            self._problem.reward_scale * split_by_seed(self._problem, rewards).float(),
+            self._problem.reward_scale * self._split(rewards).float(),
             self._last(following, infos), terminated, ended | is_last,
         )  # fmt: skip
         return step, following, ended
@@ -112,12 +108,15 @@ class Explorer:
         flat = action.flatten(0, 1)
         return flat if self._device == "cuda" else flat.cpu().numpy()
 
+    def _split(self, array: Any) -> Any:
+        return split_by_seed(self._problem, array)
+
     def _note_scores(self, infos: Mapping[str, Any]) -> None:
         """Adds scores of finished episodes to sums and counts (seeds,)."""
         if "final_info" not in infos:
             return
-        ended = split_by_seed(self._problem, infos["_final_info"])
-        scores = split_by_seed(self._problem, infos["final_info"]["normalized_performance"])
+        ended = self._split(infos["_final_info"])
+        scores = self._split(infos["final_info"]["normalized_performance"])
         now = torch.where(ended, scores, 0.0).sum(dim=1), ended.sum(dim=1)
         before = self._scores or (0.0, 0)
         self._scores = before[0] + now[0], before[1] + now[1]
@@ -138,9 +137,7 @@ class Explorer:
             }
             return {n: self._replaced(seen, parts[n], ended) for n, seen in following.items()}
         if isinstance(final, Tensor):
-            mask = split_by_seed(self._problem, ended)
-            mask = mask.reshape(*mask.shape, *[1] * (following.ndim - 2))
-            return torch.where(mask, split_by_seed(self._problem, final), following)
+            return where(self._split(ended), self._split(final), following)
         result = following.clone().flatten(0, 1)
         for i in np.flatnonzero(ended).tolist():
             result[i] = torch.as_tensor(final[i])

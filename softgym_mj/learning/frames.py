@@ -11,7 +11,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from softgym_mj.learning.networks import drawn, generators, lines, whole_numbers
+from softgym_mj.learning.networks import drawn, generators, lines, where, whole_numbers
 from softgym_mj.learning.replay import NEWEST_IMAGES
 
 _log = logging.getLogger(__name__)
@@ -174,8 +174,7 @@ def stacked(now: Tensor, before: Tensor | None, first: Tensor, frames: int) -> T
     repeated = newest.expand(-1, -1, frames, *now.shape[2:])
     if before is None:
         return repeated
-    starts = first.reshape(*first.shape, *[1] * (now.ndim - 1))
-    return torch.where(starts, repeated, torch.cat([before[:, :, 1:], newest], 2))
+    return where(first, repeated, torch.cat([before[:, :, 1:], newest], 2))
 
 
 def _kind(name: str, shape: tuple[int, ...]) -> torch.dtype:

@@ -27,8 +27,13 @@ def drawn(sources: Sequence[torch.Generator], *shape: int, normal: bool = True) 
 
 
 def whole_numbers(shares: Tensor, number: Tensor | int) -> Tensor:
-    """Converts shares in 0..1 of shape (...) to integers in 0..number - 1."""
+    """Converts shares in 0..1 to integers in 0..number - 1; arrays (...) of both broadcast."""
     return (shares * number).long().clamp(max=number - 1)
+
+
+def where(mask: Tensor, these: Tensor, others: Tensor) -> Tensor:
+    """Returns `these` where the mask (seeds, n) is true, else `others`; both (seeds, n, ...)."""
+    return torch.where(mask.reshape(*mask.shape, *[1] * (others.ndim - 2)), these, others)
 
 
 def lines(shares: Tensor, whole: int, part: int, pad: int) -> Tensor:
@@ -220,11 +225,10 @@ class DeterministicPolicy(nn.Module):
     def __init__(self, actor: nn.Module, seed: int):
         super().__init__()
         self.actor = copy.deepcopy(actor).cpu()
+        # Other buffers have no dimension of seeds.
         seen = (one for one in self.actor.modules() if isinstance(one, ObservationNormalizer))
         for array in (*self.actor.parameters(), *(b for one in seen for b in one.buffers())):
-            array.data = array.data[
-                seed : seed + 1
-            ].clone()  # Other buffers have no dimension of seeds.
+            array.data = array.data[seed : seed + 1].clone()
         self.requires_grad_(False)
 
     def forward(self, observation: Tensor) -> Tensor:

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from softgym_mj.exceptions import InvalidArgumentError, check_name, check_number
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.sac import SAC, StateSACSettings
-from softgym_mj.learning.networks import drawn
+from softgym_mj.learning.networks import drawn, where
 from softgym_mj.learning.off_policy import OffPolicy
 from softgym_mj.learning.replay import Batch, Replay
 from softgym_mj.tasks.shared import observations
@@ -86,7 +86,7 @@ class HindsightReplay(Replay):
             *self._goals.read(self.arrays["next_observation"][at][:, :, 0])
         )
         own = self._goals.read(batch.observation)[1].goal
-        goal = {name: _where(share < self._share, reached[name], own[name]) for name in own}
+        goal = {name: where(share < self._share, reached[name], own[name]) for name in own}
         return Batch(
             reduced(self._goals, batch.observation, goal),
             batch.action,
@@ -131,11 +131,6 @@ def reduced(of: Goals, full: Tensor, goal: dict[str, Tensor] | None = None) -> T
     return observations.reduced(of.task, state, episode).float()
 
 
-def _where(which: Tensor, these: Tensor, others: Tensor) -> Tensor:
-    """Returns entries (seeds, n, ...) of `these` where `which` (seeds, n), else of `others`."""
-    return torch.where(which.reshape(*which.shape, *[1] * (others.ndim - 2)), these, others)
-
-
 class HindsightSAC(SAC):
     """Soft actor-critic on reduced states that acts on full states."""
 
@@ -147,15 +142,7 @@ class HindsightSAC(SAC):
         action: int,
         device: torch.device | str = "cpu",
     ):
-        """Draws the networks.
-
-        Args:
-            settings: Settings of the method.
-            seeds: Seeds of the trainings.
-            of: Goals of the task.
-            action: Size of an action.
-            device: PyTorch device.
-        """
+        """Draws the networks for the goals of a task; other arguments are those of `SAC`."""
         super().__init__(settings, seeds, of.task.observe("reduced").size, action, device)
         self._goals = of
 

@@ -19,10 +19,11 @@ from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
 from softgym_mj.learning.learner import Problem
+from softgym_mj.learning.methods.pixels import picture_size
 from softgym_mj.learning.methods.sac import SAC, SACSettings
 from softgym_mj.learning.methods.wu.cloth_pixels import cloth_pixels, pixel_centers
 from softgym_mj.learning.methods.wu.networks import PICK, Judging, Looking, Placing, seen
-from softgym_mj.learning.networks import Actor, drawn, generators
+from softgym_mj.learning.networks import Actor, drawn, generators, whole_numbers
 from softgym_mj.learning.off_policy import OffPolicy
 from softgym_mj.learning.replay import Batch
 from softgym_mj.validation import typed
@@ -85,14 +86,7 @@ class PickAndPlace(SAC):
         size: tuple[int, int],
         device: torch.device | str = "cpu",
     ):
-        """Draws the networks.
-
-        Args:
-            settings: Settings of the method.
-            seeds: Seeds of the trainings.
-            size: Height and width of images.
-            device: PyTorch device.
-        """
+        """Draws the networks for images of a size; other arguments are those of `SAC`."""
         self._size, self._centers = size, pixel_centers(*size, device)
         super().__init__(settings, seeds, 0, _PLACE, device)
 
@@ -107,7 +101,7 @@ class PickAndPlace(SAC):
     def draw_pick(self, images: Tensor) -> Tensor:
         """Returns centers (seeds, n, 2) of cloth pixels, drawn uniformly."""
         mask = _candidates(images)
-        rank = _below(mask.sum(-1), drawn(self.sources, mask.shape[1], normal=False))
+        rank = whole_numbers(drawn(self.sources, mask.shape[1], normal=False), mask.sum(-1))
         return self._centers[(mask.cumsum(-1) <= rank[..., None]).sum(-1)]
 
     def act(self, observation: Tensor, *, explore: bool) -> Tensor:
@@ -147,7 +141,8 @@ class PickAndPlace(SAC):
             for critic, features in zip(self.critics.pair, pair, strict=True)
         ]
         value = self._judged(torch.stack(judged)).where(mask.gather(-1, order), -math.inf)
-        rank = _below((self.settings.best_share * count).ceil().long(), shares)[..., None]
+        number = (self.settings.best_share * count).ceil().long()
+        rank = whole_numbers(shares, number)[..., None]
         at = value.argsort(-1, descending=True).gather(-1, rank)[..., None]
         return torch.cat([pick, place.unflatten(1, (lead[1], -1))], -1).take_along_dim(at, 2)[
             :, :, 0
@@ -189,11 +184,6 @@ def _candidates(images: Tensor) -> Tensor:
     return mask | ~mask.any(-1, keepdim=True)
 
 
-def _below(numbers: Tensor, shares: Tensor) -> Tensor:
-    """Converts shares in 0..1 to integers in 0..numbers - 1."""
-    return (shares * numbers).long().minimum(numbers - 1)
-
-
 class Picking(OffPolicy):
     """Off-policy learner whose random actions also pick cloth pixels."""
 
@@ -218,11 +208,8 @@ def make(settings: WuSettings, problem: Problem) -> OffPolicy:
     Raises:
         InvalidArgumentError: for a problem without images, or of another actor.
     """
-    if len(problem.observation) != 3 or min(problem.observation[:2]) < _LEAST:
-        valid = f"images (height, width, 3) of {_LEAST} or more pixels: observation 'rgb'"
-        raise InvalidArgumentError("observation", problem.observation, valid)
+    size = picture_size(problem, _LEAST)
     if problem.action != PICK + _PLACE:
         actor = problem.task_settings.get("actor")
         raise InvalidArgumentError("actor", actor, ["pixel_pick_and_place"])
-    size = problem.observation[0], problem.observation[1]
     return Picking(settings, problem, PickAndPlace(settings, problem.seeds, size, problem.device))
