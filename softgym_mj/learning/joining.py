@@ -1,8 +1,7 @@
 """Joins trainings of different seeds: curve, episodes, card and policies in one folder."""
 
 import pathlib
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from softgym_mj.exceptions import StoreError
 from softgym_mj.learning.curves import CARD, EPISODES, FILE, POLICY
@@ -48,7 +47,9 @@ def join(folders: Sequence[pathlib.Path], out: pathlib.Path) -> list[int]:
         name = POLICY.format(seed=seed)
         if (of[seed] / name).exists():
             write_whole(out / name, read_whole(of[seed] / name))
-    write_json(out / CARD, {**card, **_summed(cards), "seeds": seeds})
+    last = [row for own in cards for row in own["last"]]
+    seconds = max(own["seconds"] for own in cards)
+    write_json(out / CARD, {**card, "seconds": seconds, "last": last, "seeds": seeds})
     return seeds
 
 
@@ -57,8 +58,3 @@ def _join_episodes(folders: Sequence[pathlib.Path], out: pathlib.Path) -> None:
     header = texts[0].split(b"\n", 1)[0]
     bodies = [text.split(b"\n", 1)[1] for text in texts]
     write_whole(out / EPISODES, header + b"\n" + b"".join(bodies))
-
-
-def _summed(cards: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    last = [row for card in cards for row in card["last"]]
-    return {"seconds": max(card["seconds"] for card in cards), "last": last}

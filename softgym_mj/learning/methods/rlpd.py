@@ -97,23 +97,10 @@ class RLPD(SAC):
         action: int,
         device: torch.device | str = "cpu",
     ):
-        """Draws the networks.
-
-        Args:
-            settings: Settings of the method.
-            seeds: Seeds of the trainings.
-            shown: Replay buffer of demonstrations.
-            observation, action: Sizes of an observation and an action.
-            device: PyTorch device.
-        """
+        """Draws the networks; `shown` has demonstrations, other arguments are those of `SAC`."""
         super().__init__(settings, seeds, observation, action, device)
         self._shown, self._own = shown, self.sources
         self.sources = [*self._own, *shown.sources]
-
-    @property
-    def number_of_critics(self) -> int:
-        """Number of critics of each seed."""
-        return self.settings.critics
 
     def _noise(self, *shape: int) -> Tensor:
         return drawn(self._own, *shape)

@@ -145,22 +145,16 @@ class SAC:
             self._critic_loss = torch.compile(self.critic_loss, dynamic=False)
             self._actor_losses = torch.compile(self.actor_losses, dynamic=False)
 
-    @property
-    def number_of_critics(self) -> int:
-        """Number of critics of each seed."""
-        return 2
-
     def _networks(self, observation: int, action: int) -> tuple[Actor, nn.Module]:
         """Returns new actor and critics."""
         settings, sizes = self.settings, (observation, action, self.settings.hidden)
         seen: nn.Module = nn.Identity()
         if getattr(settings, "normalize_observations", False):
             seen = ObservationNormalizer(len(self.sources), observation, self.sources[0].device)
+        number = getattr(settings, "critics", 2)
         return (
             Actor(self.sources, *sizes, settings.log_std, seen),
-            Critics(
-                self.sources, *sizes, norm=settings.norm, number=self.number_of_critics, seen=seen
-            ),
+            Critics(self.sources, *sizes, norm=settings.norm, number=number, seen=seen),
         )
 
     def begin(self, sample: Callable[[int], Batch]) -> None:
