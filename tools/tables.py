@@ -26,7 +26,7 @@ from tools import (
     presets,
     rope_tables,
 )
-from tools.pages import between, replaced, table, with_table
+from tools.pages import between, table, with_table
 
 ROOT = pathlib.Path(__file__).parent.parent
 DOCS = ROOT / "docs"
@@ -66,16 +66,6 @@ def score(played: experts.Played) -> str:
     """Mean and smallest of scores."""
     values = played["scores"].values()
     return f"{statistics.mean(values):.2f} ({min(values):.2f})"
-
-
-def cells(actors: dict[str, experts.Played]) -> list[str]:
-    """Mean and smallest score with each actor, and over how many variations."""
-    return [
-        f"{score(actors[actor])}, {len(actors[actor]['scores'])}"
-        if actor in actors
-        else "not yet played"
-        for actor in experts.ACTORS
-    ]
 
 
 def budgets(results: list[dict]) -> str:
@@ -235,12 +225,6 @@ def pages() -> dict[pathlib.Path, str]:
     """Returns the text of each page with current tables."""
     scores: experts.Scores = measured("experts")
     texts = {path: path.read_text() for path in PAGES}
-    rates = measured("throughput")
-    for task, actors in scores.items():
-        shares = " / ".join(f"{share:.2f}" for share in rates["tasks"][task]["arms"].values())
-        row = " | ".join([f"| `{task}`", shares, *cells(actors)])
-        pattern = rf"\| `{task}` \| [.\d]+ / [.\d]+ \| .* \|\n"
-        texts[ROBOTS] = replaced(texts[ROBOTS], pattern, f"{row} |\n")
     texts[ROBOTS] = between(texts[ROBOTS], "speed", arm_speeds())
     texts[README] = between(texts[README], "learned", learned.overview())
     texts[README] = between(texts[README], "tasks", overview(scores))
