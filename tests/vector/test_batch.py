@@ -76,7 +76,8 @@ PIXELS = {"actor": "pixel_pick_and_place"}
     "task, settings",
     [
         *by_kind({}),
-        *((task, PIXELS) for task in ("straighten_rope", "spread_cloth", "fold_cloth")),
+        *((task, PIXELS) for task in ("straighten_rope", "fold_cloth")),
+        pytest.param("spread_cloth", PIXELS, marks=pytest.mark.long),
     ],
 )
 def test_a_row_is_an_environment(task, settings):
