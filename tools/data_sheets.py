@@ -94,10 +94,10 @@ def observations(env: Environment, arms: Environment) -> Iterator[str]:
     number = sum(ending_entries(task).values())
     reduced, full = (spec[name].shape[0] - number for name in ("reduced", "full"))
     yield (
-        f"`markov` is `reduced`, then from entry {spec['reduced'].shape[0]} on what the "
-        "[actor remembers](../interface.md#markov). With arms, the states end with their "
-        f"[`proprioception`](../interface.md#proprioception): from entry {reduced} of `reduced` "
-        f"and {full} of `full` on.\n"
+        "`markov` appends the [actor's memory](../interface.md#markov) to `reduced`, from entry "
+        f"{spec['reduced'].shape[0]} on. With arms, "
+        "[`proprioception`](../interface.md#proprioception) replaces the last entries of both "
+        f"states, from entry {reduced} of `reduced` and {full} of `full` on.\n"
     )
 
 
@@ -150,7 +150,7 @@ def interface() -> str:
         "### `proprioception`\n",
         *of("proprioception"),
         "### `markov`\n",
-        "What the actor remembers, after the entries of `reduced`:\n",
+        "Memory of the actor, after the entries of `reduced`:\n",
         *of("markov"),
         "## info\n",
         table(("key", "in", "what"), common),
@@ -273,7 +273,7 @@ def sheet(name: str) -> str:
         text["Observations"],
         *observations(env, arms),
         "## Variations\n",
-        f"Indices of the splits: {splits}.\n",
+        f"Variations by split: {splits}.\n",
         text["Start"],
         "[Domain parameters](../domain.md#parameters).\n",
         "## Cameras\n",

@@ -68,7 +68,7 @@ def reduced_entries(task: Task) -> dict[str, int]:
 def full_entries(env: Environment) -> dict[str, int]:
     """Sizes of the entries of the full state."""
     task, number = env.task, env.observation_spec()["full_mask"].shape[0]
-    points = {f"{number} points (x, y, z each), zeros from the last that exists [m]": 3 * number}
+    points = {f"{number} points (x, y, z each), padded with zeros [m]": 3 * number}
     return (
         points | sizes(labels(task.extra_state(task.state(), task.episode))) | ending_entries(task)
     )

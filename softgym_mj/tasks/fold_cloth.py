@@ -15,14 +15,15 @@ from softgym_mj.tasks.shared.symmetry import anywhere
 class FoldCloth(LaidCloth):
     """Fold a flat cloth in half.
 
-    Goal: columns 0 to half of the cloth, on whose side the pickers start, on top of their mirror
-    columns, which stay in place. A strip in the other side's color marks the half to fold over.
+    Goal: the half of the cloth beside the pickers (columns 0 to half) lies on the other half, each
+    particle on its mirror image; the other half has not moved. A strip in the color of the cloth's
+    other side marks the half to fold.
     Actions: per picker dx, dy, dz (1 is 0.01 m per sim step) and grip (closes if > 0), each in [-1,
     1].
     Observations: `reduced` (default) lists corners p1 p2 p3 p4 and picker 0, picker 1 (x, y, z
     each): 18 entries [m]. `tasks.shared.observations.OBSERVATIONS` lists all.
-    Reward = performance: -(mean distance of the pairs) - 1.2 (mean distance of the second half from
-    its place) [m], over SoftGym's particles.
+    Reward = performance: -(mean distance of the mirror pairs) - 1.2 (mean distance of the other
+    half from its place) [m], over SoftGym's particles.
     Bounds: lower = performance at reset, upper = 0. The two layers lie 1 cm apart, so a perfect
     fold scores 0.95 to 0.97.
     Horizon: 100 env steps of 8 sim steps; nothing else ends an episode.
