@@ -228,6 +228,7 @@ def pages() -> dict[pathlib.Path, str]:
     texts[ROBOTS] = between(texts[ROBOTS], "speed", arm_speeds())
     texts[README] = between(texts[README], "learned", learned.overview())
     texts[README] = between(texts[README], "tasks", overview(scores))
+    texts[README] = between(texts[README], "cables", rope_tables.summary())
     texts[GPU] = between(texts[GPU], "speed", materials())
     texts[GPU] = between(texts[GPU], "processes", processes())
     texts[PICTURES] = between(texts[PICTURES], "gallery", stills())
