@@ -112,7 +112,7 @@ def test_formats_by_the_command_line(capsys, monkeypatch):
         ("record straighten_rope --episodes 0", r"episodes=0 .*1\.\.800"),
         (
             "record straighten_rope --start 795 --episodes 6",
-            r"episodes=6 .*1\.\.5, .*variation 795",
+            r"episodes=6 .*1\.\.5, .*from 795 on",
         ),
         ("record straighten_rope --start 800", r"start=800 .*0\.\.799"),
         ("record straighten_rope --split every", "split='every'"),

@@ -10,7 +10,7 @@ import pytest
 
 import softgym_mj
 from softgym_mj import registry
-from softgym_mj.cli import commands, playing
+from softgym_mj.cli import commands
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.recording import record
 
@@ -174,9 +174,8 @@ def test_a_dataset_names_the_module_that_can_be_imported(folder, monkeypatch):
 
 def test_an_expert_of_its_own_is_the_scripted_policy(folder, monkeypatch):
     expected = [np.tile([0.0, 0.0, 0.25 * i, -1.0], 2) for i in range(HORIZON)]
-    monkeypatch.setattr(playing, "VIDEO_SIZE", 64)
-    assert run("expert own_tasks:own_rise --episodes 1", monkeypatch) == 0
-    score = json.loads((folder / "expert" / "own_rise.json").read_text())["mean"]
+    assert run("evaluate own_tasks:own_rise --episodes 1 --out expert", monkeypatch) == 0
+    score = json.loads((folder / "expert" / "result.json").read_text())["summary"]["mean"]
     assert score == scores(lambda step: expected[step], "own_rise") > 0.3
     for episode in record("own_rise", (800, 801)).iterate_episodes():
         np.testing.assert_array_equal(episode.actions, expected)
