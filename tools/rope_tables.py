@@ -47,9 +47,10 @@ def errors() -> str:
 
 def summary() -> str:
     """Errors of each solver over all markers, as the range over cables, for the README."""
+    rows = _result()["measurements"]
     lines = []
     for solver, title in SOLVERS.items():
-        own = [1e3 * r["error"] for r in _result()["measurements"] if r["solver"] == solver]
+        own = [1e3 * row["error"] for row in rows if row["solver"] == solver]
         lines.append(f"| {title} | {min(own):.1f} to {max(own):.1f} |")
     return table("| five cables, 14 recordings each | mean absolute error [mm] |", lines)
 

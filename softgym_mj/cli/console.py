@@ -50,6 +50,10 @@ Ray = Annotated[
     str | None,
     typer.Option(help="Ray cluster: address, auto, or local (starts one of --jobs cores)."),
 ]
+CableRecordings = Annotated[
+    pathlib.Path | None, typer.Argument(help="Folder data_set of the recordings.")
+]
+Cables = Annotated[list[str] | None, typer.Option(help="DLO1 to DLO5, repeatable; default: all.")]
 
 
 PUBLISHED = "docs/results/policies/{}.pt2"  # Policies in a checkout of the repository.

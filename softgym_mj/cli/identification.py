@@ -12,7 +12,7 @@ import rich.progress
 import rich.table
 import typer
 
-from softgym_mj.cli.console import Ray, console, progress_bar
+from softgym_mj.cli.console import CableRecordings, Cables, Ray, console, progress_bar
 from softgym_mj.entities.fabric import Fabric
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.storage.files import make_folder, read_json, write_json
@@ -162,12 +162,8 @@ def _remark(entry: Mapping[str, Any]) -> str:
 
 @app.command()
 def rope(
-    folder: Annotated[
-        pathlib.Path | None, typer.Argument(help="Folder data_set of the recordings.")
-    ] = None,
-    cable: Annotated[
-        list[str] | None, typer.Option(help="DLO1 to DLO5, repeatable; default: all.")
-    ] = None,
+    folder: CableRecordings = None,
+    cable: Cables = None,
     recordings: Annotated[int, typer.Option(help="Number of train recordings, 5 or more.")] = 8,
     out: Annotated[pathlib.Path, typer.Option(help="JSON file.")] = pathlib.Path("rope.json"),
 ) -> None:

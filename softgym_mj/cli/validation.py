@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from softgym_mj.cli.console import console
+from softgym_mj.cli.console import CableRecordings, Cables, console
 from softgym_mj.storage.files import make_folder, read_json, write_json
 
 app = typer.Typer(help="Simulations against theory and recordings.", no_args_is_help=True)
@@ -72,12 +72,8 @@ _ROPE_LINE = "{:<6} {:<38} {:>10} {:>9} {:>8} {:>9} {}"
 
 @app.command()
 def rope(
-    folder: Annotated[
-        pathlib.Path | None, typer.Argument(help="Folder data_set of the recordings.")
-    ] = None,
-    cable: Annotated[
-        list[str] | None, typer.Option(help="DLO1 to DLO5, repeatable; default: all.")
-    ] = None,
+    folder: CableRecordings = None,
+    cable: Cables = None,
     split: Annotated[str, typer.Option(help="eval or train.")] = "eval",
     identified: Annotated[
         pathlib.Path | None, typer.Option(help="Properties: a file of `identify rope`.")
