@@ -33,9 +33,10 @@ def _env_steps(parts: dict) -> str:
 
 
 def _trainings(parts: dict) -> list[dict]:
-    """Returns the parts of a preset that set a budget: for all tasks or for one of them."""
-    found = [parts, *parts.get("tasks", {}).values()]
-    return [part for part in found if "env_steps" in part.get("training", {})]
+    """Returns the parts of a preset that set a budget: for all, a task or an observation."""
+    own = [parts] if "env_steps" in parts.get("training", {}) else []
+    special = [*parts.get("tasks", {}).values(), *parts.get("observations", {}).values()]
+    return own + [found for part in special for found in _trainings(part)]
 
 
 def _minutes(rows: list[Row]) -> str:
