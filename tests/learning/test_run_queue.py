@@ -72,7 +72,7 @@ def test_the_committed_queue_waits_for_what_is_not_done(tmp_path):
     for name in ("queue.toml", "learning.csv"):
         (tmp_path / name).write_text((run_queue.RESULTS / name).read_text())
     runs = run_queue.waiting(tmp_path)
-    assert {run.method for run in runs} >= {"distill", "curl", "planet"}
+    assert {run.method for run in runs} >= {"teacher_student", "curl", "planet"}
     known = {(run.task, run.method, run.preset, run.observation) for run in runs}
     done = "transport_water", "sac", "fast", "markov"
     assert done not in known
