@@ -22,7 +22,6 @@ from typer.testing import CliRunner
 
 import softgym_mj
 from softgym_mj.cli import commands
-from softgym_mj.vector.torchrl import TorchRLEnv
 
 PAGE = (pathlib.Path(__file__).parents[2] / "docs" / "recipes.md").read_text()
 # Blocks by the heading above them.
@@ -219,6 +218,8 @@ def test_torchrl_of_many(run):
 
 
 def test_torchrl_scaled(run):
+    from softgym_mj.vector.torchrl import TorchRLEnv
+
     batch = run("TorchRL: scaled observations and rewards").batch
     plain = TorchRLEnv("straighten_rope", 2, device="host")
     plain.set_seed(0)

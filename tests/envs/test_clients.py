@@ -10,8 +10,6 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.env_checker import check_env
 from stable_baselines3.common.monitor import Monitor
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
-from torchrl.envs.libs.gym import GymEnv, GymWrapper
-from torchrl.envs.utils import check_env_specs
 
 import softgym_mj
 
@@ -26,6 +24,15 @@ CASES = [
     ("straighten_rope", SEVERAL),
     ("straighten_rope", IMAGES),
 ]
+
+
+@pytest.fixture(name="torchrl")
+def _torchrl():
+    """TorchRL, which takes seconds to import."""
+    import torchrl.envs.libs.gym
+    import torchrl.envs.utils
+
+    return torchrl.envs
 
 
 def identifier(task):
@@ -55,20 +62,21 @@ def test_stable_baselines3_logs_the_rate_of_successes(tmp_path):
 
 
 @pytest.mark.parametrize(("task", "kwargs"), CASES, ids=str)
-def test_torchrl(task, kwargs):
-    env = GymEnv(identifier(task), **kwargs)
-    check_env_specs(env, seed=0)
+def test_torchrl(torchrl, task, kwargs):
+    env = torchrl.libs.gym.GymEnv(identifier(task), **kwargs)
+    torchrl.utils.check_env_specs(env, seed=0)
     env.close()
 
 
-def test_torchrl_wraps_what_is_made():
-    check_env_specs(GymWrapper(gymnasium.make(identifier("straighten_rope"))), seed=0)
+def test_torchrl_wraps_what_is_made(torchrl):
+    env = torchrl.libs.gym.GymWrapper(gymnasium.make(identifier("straighten_rope")))
+    torchrl.utils.check_env_specs(env, seed=0)
 
 
 @pytest.mark.parametrize("task", FEW)
-def test_torchrl_reads_infos(task):
-    env = GymEnv(identifier(task)).auto_register_info_dict()
-    check_env_specs(env, seed=0)
+def test_torchrl_reads_infos(torchrl, task):
+    env = torchrl.libs.gym.GymEnv(identifier(task)).auto_register_info_dict()
+    torchrl.utils.check_env_specs(env, seed=0)
     assert "normalized_performance" in env.observation_spec.keys(True)
     played = env.rollout(3)
     score = env._env.unwrapped.dm_env.info()["normalized_performance"]
@@ -78,11 +86,11 @@ def test_torchrl_reads_infos(task):
 
 @pytest.mark.parametrize("mode", ["SameStep", "Disabled"])
 @pytest.mark.parametrize("device", ["cpu", "host"])
-def test_torchrl_wraps_many_environments(device, mode):
+def test_torchrl_wraps_many_environments(torchrl, device, mode):
     settings = {"num_workers": 1, "autoreset_mode": mode, "device": device, "horizon": 4}
     envs = gymnasium.make_vec(identifier("straighten_rope"), 2, **settings)
     assert envs.autoreset_mode == envs.metadata["autoreset_mode"] == AutoresetMode(mode)
-    env = GymWrapper(envs)
+    env = torchrl.libs.gym.GymWrapper(envs)
     rewards = env.rollout(4)["next", "reward"]
     assert rewards.shape[:2] == (2, 4) and len(set(rewards.flatten().tolist())) > 4
     env.close()

@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 import torch
-from torchrl.envs.utils import check_env_specs
 
 import softgym_mj
-from softgym_mj.vector.torchrl import TorchRLEnv
 from tests.kinds import by_kind
 
 SETTINGS = {"fidelity": "fast", "num_workers": 1, "split": "all"}
@@ -19,17 +17,29 @@ BACKENDS = [
 ]
 
 
+@pytest.fixture(name="make")
+def _make():
+    """Makes a `TorchRLEnv`; imports TorchRL, which takes seconds."""
+    from softgym_mj.vector.torchrl import TorchRLEnv
+
+    made = []
+    yield lambda *args, **own: made.append(TorchRLEnv(*args, **own, **SETTINGS)) or made[-1]
+    for env in made:
+        env.close()
+
+
 @pytest.mark.parametrize(("task", "device"), BACKENDS)
-def test_specs(device, task):
+def test_specs(make, device, task):
+    from torchrl.envs.utils import check_env_specs
+
     names = ["reduced", "full", "full_mask"]
     info = ["normalized_performance", "success"]
-    env = TorchRLEnv(task, 2, device=device, observation=names, info=info, horizon=3, **SETTINGS)
+    env = make(task, 2, device=device, observation=names, info=info, horizon=3)
     check_env_specs(env, seed=0)
-    env.close()
 
 
-def test_it_plays_what_the_vector_environment_plays():
-    env = TorchRLEnv("straighten_rope", 3, device="host", horizon=2, **SETTINGS)
+def test_it_plays_what_the_vector_environment_plays(make):
+    env = make("straighten_rope", 3, device="host", horizon=2)
     envs = softgym_mj.make_vec("straighten_rope", 3, device="host", horizon=2, **SETTINGS)
     env.set_seed(5)
     first, _ = envs.reset(seed=5)
@@ -45,12 +55,11 @@ def test_it_plays_what_the_vector_environment_plays():
         np.testing.assert_array_equal(ended["next", "observation"], observations)
         np.testing.assert_allclose(ended["next", "reward"][:, 0], rewards, rtol=1e-6)
         np.testing.assert_array_equal(ended["next", "truncated"][:, 0], truncated)
-    env.close()
     envs.close()
 
 
-def test_a_part_is_reset_alone():
-    env = TorchRLEnv("straighten_rope", 3, device="host", horizon=4, **SETTINGS)
+def test_a_part_is_reset_alone(make):
+    env = make("straighten_rope", 3, device="host", horizon=4)
     env.set_seed(1)
     now = env.rand_step(env.reset())
     before = now["next", "observation"].clone()
@@ -59,4 +68,3 @@ def test_a_part_is_reset_alone():
     part["_reset"] = mask
     after = env.reset(part)["observation"]
     assert (after == before).all(1).tolist() == [True, False, True]
-    env.close()
