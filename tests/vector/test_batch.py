@@ -405,6 +405,7 @@ def test_tensors_that_are_no_actions():
 def test_processes_read_the_same_starts(task, monkeypatch):
     monkeypatch.setattr(softgym_mj.vector.batch.initial_states, "MANY", 2)
     monkeypatch.setattr(softgym_mj.vector.batch.initial_states, "num_cores", lambda: 2)
+    monkeypatch.setattr(softgym_mj.vector.batch.initial_states, "start_files", lambda *_: None)
     envs, alone = _make(task), _make(task)
     options = {"variation": VARIATIONS}
     first, _ = envs.reset(seed=0, options=options)

@@ -13,12 +13,13 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.envs.snapshots import Snapshot
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.parallel.executors import ProcessExecutor
+from softgym_mj.parallel.executors import ProcessExecutor, SerialExecutor
 from softgym_mj.rendering.observables import blank_images
 from softgym_mj.tasks.shared.base import Task
 from softgym_mj.vector.batch.cameras import Cameras
 from softgym_mj.vector.batch.padded_rows import PaddedRows
 from softgym_mj.vector.batch.physics import Arrays, BatchPhysics
+from softgym_mj.vector.batch.start_files import StartFiles, start_files
 from softgym_mj.vector.processes import num_cores
 
 # Methods of a task that act on a single simulation, which batches cannot call.
@@ -42,12 +43,15 @@ def read(env: Environment, physics: BatchPhysics, cameras: Cameras) -> dict[str,
     }
 
 
-def read_starts(pickled: bytes, variations: Sequence[int]) -> list[dict[str, Any]]:
+def read_starts(
+    pickled: bytes, files: StartFiles | None, variations: Sequence[int]
+) -> list[dict[str, Any]]:
     """Returns `read` of the initial states of variations; runs in any process.
 
     Args:
         pickled: By cloudpickle: function that makes the environment, class of the batch physics,
             and names of observations.
+        files: Files that keep them; None keeps none.
         variations: Variation indices.
     """
     env, physics, cameras = _opened(pickled)
@@ -56,6 +60,8 @@ def read_starts(pickled: bytes, variations: Sequence[int]) -> list[dict[str, Any
         for variation in variations:
             env.reset(variation)
             found.append(read(env, physics, cameras))
+            if files is not None:
+                files.put(variation, found[-1])
     return found
 
 
@@ -109,23 +115,27 @@ class InitialStateCache:
         self._known: dict[Any, int] = {}
 
     def prepare(self, variations: Iterable[int]) -> None:
-        """Reads initial states of variations; of many, in one process per core."""
+        """Reads initial states of variations; of many, from files or in one process per core."""
         missing = sorted({v for v in variations if v not in self._known})
-        if self._make is None or len(missing) < MANY or num_cores() == 1:
+        if self._make is None or len(missing) < MANY:
             for variation in missing:
                 self.row(variation)
             return
         pickled = cloudpickle.dumps((self._make, type(self._physics), self._cameras.observed))
-        shares = [missing[i : i + _SHARE] for i in range(0, len(missing), _SHARE)]
+        files = start_files(pickled, type(self._env.task))
+        kept = [v for v in missing if files is not None and files.has(v)]
+        found = {v: files.get(v) for v in kept} if files is not None else {}
+        new = [v for v in missing if v not in found]
+        shares = [new[i : i + _SHARE] for i in range(0, len(new), _SHARE)]
+        jobs = min(num_cores(), len(shares))
+        with ProcessExecutor(jobs) if jobs > 1 else SerialExecutor() as executor:
+            calls = [(pickled, files, share) for share in shares]
+            for i, values in executor.results(read_starts, calls):
+                found |= zip(shares[i], values, strict=True)
         # Put together: a GPU gets one array per name instead of a small one per variation.
-        rows: dict[int, dict[str, Any]] = {}
-        with ProcessExecutor(min(num_cores(), len(shares))) as executor:
-            for i, found in executor.results(read_starts, [(pickled, s) for s in shares]):
-                for variation, values in zip(shares[i], found, strict=True):
-                    rows[variation] = self._row(values)
         first = len(self._known)
-        self.rows.put_all(first, [*rows.values()])
-        self._known.update(zip(rows, range(first, first + len(rows)), strict=True))
+        self.rows.put_all(first, [self._row(found[v]) for v in missing])
+        self._known.update(zip(missing, range(first, first + len(missing)), strict=True))
 
     def row(self, variation: int) -> int:
         """Returns the row of the initial state of a variation."""

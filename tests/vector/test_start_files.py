@@ -1,0 +1,66 @@
+"""Files of initial states: what they give back, and what is not kept in them."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import softgym_mj
+from softgym_mj.tasks import StraightenRope
+from softgym_mj.vector.batch import initial_states, start_files
+from tests.vector.same import same
+
+VARIATIONS = [3, 4, 5, 6]
+
+
+@pytest.fixture
+def folder(monkeypatch, tmp_path):
+    monkeypatch.setenv("SOFTGYM_MJ_CACHE", str(tmp_path))
+    monkeypatch.setattr(initial_states, "MANY", 2)
+    monkeypatch.setattr(initial_states, "num_cores", lambda: 1)
+    return tmp_path / "initial_states"
+
+
+def _first(task):
+    envs = softgym_mj.make_vec(task, 4, device="host", fidelity="fast", observation="full")
+    found = envs.reset(options={"variation": VARIATIONS})
+    envs.close()
+    return found
+
+
+@pytest.mark.parametrize("task", ["straighten_rope", "transport_water"])
+def test_a_second_start_simulates_nothing_and_is_the_same(task, folder, monkeypatch):
+    first = _first(task)
+    assert len([*folder.glob("*/*.value")]) == len(VARIATIONS)
+    monkeypatch.setattr(initial_states, "read", lambda *_: pytest.fail("a state was read"))
+    assert same(_first(task), first)
+
+
+def test_cloths_are_too_large_to_be_kept(folder):
+    softgym_mj.make_vec("fold_cloth", 4, device="host").reset(options={"variation": VARIATIONS})
+    assert not folder.exists()
+
+
+def test_folders_of_other_versions_are_deleted(folder):
+    (folder / "0123456789ab-0123456789ab").mkdir(parents=True)
+    _first("straighten_rope")
+    assert [file.name[:12] for file in folder.iterdir()] == [start_files._version()[:12]]
+
+
+def test_code_of_others_is_not_kept(folder):
+    class Mine(StraightenRope):
+        pass
+
+    own = pickle.dumps(StraightenRope)
+    assert start_files.start_files(own, StraightenRope) is not None
+    assert start_files.start_files(own, Mine) is None
+    assert start_files.start_files(pickle.dumps(same), StraightenRope) is None
+
+
+def test_nested_arrays_come_back(folder):
+    files = start_files.StartFiles(b"arguments")
+    values = {"a": {"b": np.arange(6).reshape(2, 3), "c": {"d": 2.5}}, "e": np.zeros(0), "f": {}}
+    files.put(7, values)
+    found = files.get(7)
+    assert found["a"]["b"].tolist() == [[0, 1, 2], [3, 4, 5]]
+    assert found["a"]["c"]["d"] == 2.5 and found["e"].shape == (0,) and found["f"] == {}
