@@ -4,24 +4,23 @@ import functools
 import hashlib
 import importlib.metadata
 import io
+import json
 import pathlib
 import pickle
 import shutil
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from softgym_mj.native.caches import cache_folder
-from softgym_mj.storage.store import ARRAYS, Key, Store
+from softgym_mj.storage.store import Codec, Key, Store
 
 _PACKAGE = pathlib.Path(__file__).parents[2]
 _LIBRARIES = ("mujoco", "dm_control", "numpy", "scipy")
 # Packages whose objects an argument may contain: `_version` identifies their code.
 _KNOWN = {"softgym_mj", *_LIBRARIES, "builtins", "collections", "copyreg", "functools"}
-_JOINT = "/"  # Between the names of nested dicts.
-_LARGEST = (
-    250e3  # Size [bytes] of a state above which reading a file saves little: cloths have 2 MB.
-)
+_LARGEST = 250e3  # Size of the largest state that is kept [bytes]; cloths have 2 MB.
 
 
 class StartFiles(Store):
@@ -39,21 +38,12 @@ class StartFiles(Store):
             if not folder.name.startswith(version[:12]):
                 shutil.rmtree(folder, ignore_errors=True)
         specification = {"version": version, "arguments": arguments}
-        super().__init__(parent / f"{version[:12]}-{arguments[:12]}", specification, ARRAYS)
+        super().__init__(parent / f"{version[:12]}-{arguments[:12]}", specification, CODEC)
 
-    def get(self, key: Key) -> dict[str, Any]:
-        nested: dict[str, Any] = {}
-        for path, array in super().get(key).items():
-            *parents, name = path.split(_JOINT)
-            parent = functools.reduce(lambda d, part: d.setdefault(part, {}), parents, nested)
-            if name:
-                parent[name] = array
-        return nested
-
-    def put(self, key: Key, value: dict[str, Any]) -> None:
-        arrays = _flat(value)
-        if sum(array.nbytes for array in arrays.values()) <= _LARGEST:
-            super().put(key, arrays)
+    def put(self, key: Key, value: Mapping[str, Any]) -> None:
+        """Stores a state unless it is too large."""
+        if _size(value) <= _LARGEST:
+            super().put(key, value)
 
 
 def start_files(pickled: bytes, task: type) -> StartFiles | None:
@@ -93,13 +83,40 @@ def _version() -> str:
     return digest.hexdigest()
 
 
-def _flat(values: dict[str, Any]) -> dict[str, np.ndarray]:
-    """Returns arrays by joined names; an empty dict has an entry without a last name."""
-    found: dict[str, np.ndarray] = {}
-    for name, value in values.items():
-        if isinstance(value, dict):
-            inner = _flat(value) or {"": np.zeros(0)}
-            found |= {f"{name}{_JOINT}{path}": array for path, array in inner.items()}
-        else:
-            found[name] = np.asarray(value)
-    return found
+def _size(values: Mapping[str, Any]) -> int:
+    return sum(
+        _size(value) if isinstance(value, Mapping) else np.asarray(value).nbytes
+        for value in values.values()
+    )
+
+
+def _encode(values: Mapping[str, Any]) -> bytes:
+    """Returns a line of JSON with types and shapes, and the numbers."""
+    numbers = []
+
+    def layout(value: Any) -> Any:
+        if isinstance(value, Mapping):
+            return {name: layout(inner) for name, inner in value.items()}
+        array = np.asarray(value)
+        numbers.append(array.tobytes())
+        return array.dtype.str, array.shape
+
+    return json.dumps(layout(values)).encode() + b"\n" + b"".join(numbers)
+
+
+def _decode(content: bytes) -> dict[str, Any]:
+    head, _, numbers = content.partition(b"\n")
+    at = 0
+
+    def array(layout: Any) -> Any:
+        nonlocal at
+        if isinstance(layout, dict):
+            return {name: array(inner) for name, inner in layout.items()}
+        found = np.ndarray(layout[1], layout[0], numbers, at)
+        at += found.nbytes
+        return found
+
+    return array(json.loads(head))
+
+
+CODEC = Codec(_encode, _decode)  # Much faster than .npz for many small arrays.
