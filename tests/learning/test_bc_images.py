@@ -12,7 +12,7 @@ from softgym_mj.learning.methods.distill import LABEL
 from softgym_mj.learning.registry import find_preset
 from tests.learning.test_distill import SHAPES, SMALL, problem, seen_at
 
-STUDIES = 150
+STUDIES = 60
 
 
 def _learner(seeds=(0,)):

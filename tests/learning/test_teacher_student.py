@@ -15,7 +15,7 @@ TEACHER = {
 }  # fmt: skip
 
 
-def _learner(env_steps=NUM_ENVS * 160, **settings):
+def _learner(env_steps=NUM_ENVS * 110, **settings):
     own = {
         **SMALL, "hidden": (32,), "updates": 4, "batch": 64, "rate": 3e-3,
         "teacher_env_steps": NUM_ENVS * LAST,
@@ -50,8 +50,8 @@ def test_the_student_learns_from_images_what_its_teacher_learned_from_states():
     _train(learner, LAST)
     taught = learner.teacher.updates
     assert learner.student.updates == 0 and miss(learner.teacher.act, places) < 0.1
-    _train(learner, 160 - LAST)
-    assert learner.teacher.updates == taught and learner.updates == taught + 4 * (160 - LAST)
+    _train(learner, 110 - LAST)
+    assert learner.teacher.updates == taught and learner.updates == taught + 4 * (110 - LAST)
     assert before > 0.3 and miss(learner.act, seen_at(places)) < 0.12
     blind = {**seen_at(places), "markov": 0.0 * places}
     assert torch.equal(
