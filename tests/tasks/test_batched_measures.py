@@ -12,13 +12,13 @@ from softgym_mj.tasks import Episode, State
 from softgym_mj.tasks.shared.entries import labels
 from softgym_mj.tasks.shared.observations import STATES
 
-VARIATIONS, SAMPLES = (800, 807, 813, 999), 16  # 64 states of four sizes.
+VARIATIONS, SAMPLES = (800, 807, 813, 999), 6  # 24 states of four sizes.
 NOISE = {"water": 0.4}  # [m] By which the points of a state are moved; others by
 USUAL_NOISE = 0.03
 
 
 def samples(task: str) -> tuple[Any, list[State], list[Episode]]:
-    """A task, 64 states and their episodes."""
+    """A task, 24 states and their episodes."""
     settings = {} if "rope" in softgym_mj.TASKS[task].tags else {"fidelity": "fast"}
     env = softgym_mj.load(task, split="all", **settings)
     random, states, episodes = np.random.default_rng(0), [], []
@@ -81,7 +81,7 @@ def measured(task, state: State, episode: Episode) -> dict[str, Any]:
 def test_a_batch_is_measured_as_its_members(task):
     task, states, episodes = samples(task)
     singles = [measured(task, *pair) for pair in zip(states, episodes, strict=True)]
-    assert len({single["performance"] for single in singles}) > 20  # Not all the same.
+    assert len({single["performance"] for single in singles}) > 8  # Not all the same.
     state, episode = State.stack(states), Episode.stack(episodes)
     batches = {
         "numpy": (state, episode),

@@ -24,7 +24,7 @@ SHARES = {
     "drop_fold_cloth": 0.036,
 }
 MOVED = tuple(parameter.name for parameter in Arena.parameters)
-FEW = framing.RESETS[::20]
+FEW = framing.RESETS[::40]
 WHOLE_FRAMES = 0.95
 
 
@@ -106,7 +106,7 @@ def test_external_cameras_show_all_episodes(task, actor):
 )  # fmt: skip
 def test_the_goal_is_in_the_picture(task, actor):
     env = framing.loaded(task, actor)
-    for variation in (824, 832, 896, 920, 976):
+    for variation in (832, 896, 976):
         env.reset(variation)
         assert outside(env, "task") == 0
 

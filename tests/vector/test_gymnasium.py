@@ -5,11 +5,11 @@ import pytest
 from gymnasium.vector.utils import batch_space
 
 import softgym_mj
-from tests.kinds import by_kind
+from tests.kinds import by_material
 
 NUMBER, HORIZON = 2, 3
 BACKENDS = [
-    *by_kind("host"),
+    *by_material("host"),
     *(
         pytest.param(task, "cpu", marks=() if task == "pour_water" else pytest.mark.slow)
         for task in softgym_mj.TASKS

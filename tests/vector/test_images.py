@@ -53,7 +53,7 @@ def _check(seen, alone, is_water):
 @pytest.mark.parametrize(
     ("task", "domain"),
     [
-        *by_kind("nominal"),
+        *by_kind("nominal", of=("fold_cloth", "drop_cloth", "transport_water")),
         *((t, SEEN_OTHERWISE) for t in ("drop_fold_cloth", "rope_configuration", "pour_water")),
     ],
 )

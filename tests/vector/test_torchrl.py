@@ -5,11 +5,11 @@ import pytest
 import torch
 
 import softgym_mj
-from tests.kinds import by_kind
+from tests.kinds import by_material
 
 SETTINGS = {"fidelity": "fast", "num_workers": 1, "split": "all"}
 BACKENDS = [
-    *by_kind("host"),
+    *by_material("host"),
     *(
         pytest.param(task, "cpu", marks=() if task == "transport_water" else pytest.mark.slow)
         for task in softgym_mj.TASKS
