@@ -2,23 +2,17 @@
 
 from typing import Unpack
 
-import numpy as np
-
 from softgym_mj import metrics
-from softgym_mj.entities.cloth import Cloth
 from softgym_mj.metrics import Measures
-from softgym_mj.robots.workspace import ToolStart
-from softgym_mj.tasks.shared import hanging
-from softgym_mj.tasks.shared.laid_cloth import LaidCloth
+from softgym_mj.tasks.shared.hanging import HangingTask
 from softgym_mj.tasks.shared.settings import ClothTaskSettings
 from softgym_mj.tasks.shared.starts.cloths import HangingCloth
 from softgym_mj.tasks.shared.state import Episode, State
-from softgym_mj.tasks.shared.symmetry import mirrored
 
 SIZES = (60, 100)  # [particles] The upper end is exclusive (docs/softgym.md 5, row 23).
 
 
-class DropCloth(LaidCloth):
+class DropCloth(HangingTask):
     """Drop a hanging cloth so that it lies flat in its place on the floor.
 
     Goal: column i of SoftGym's particles at x = i rho, with rows centered about Y = 0. The two
@@ -39,10 +33,7 @@ class DropCloth(LaidCloth):
     difficulty, material = "medium", "cloth"
     horizon, action_repeat = 30, 16  # docs/softgym.md 1.2; 5, row 1.
     success = 0.8  # Our choice: the mean distance is 10 cm for a cloth of 0.5 m.
-    actors, workspace = hanging.ACTORS, hanging.WORKSPACE
-    arm_height, view = hanging.BASE_HEIGHT, "drop_cloth"
-    softgym_name, folded = "ClothDrop", False
-    symmetries = mirrored("rows")
+    view, softgym_name, folded = "drop_cloth", "ClothDrop", False
 
     def __init__(
         self,
@@ -59,15 +50,7 @@ class DropCloth(LaidCloth):
             **settings: entries of `ClothTaskSettings`;
                 `help("softgym_mj.tasks.shared.settings")` explains them.
         """
-        cloth = Cloth(fidelity=fidelity)
-        super().__init__(cloth, HangingCloth(fidelity, sizes), **settings)
-        hanging.check_grippers(self.actor)
-
-    def tool_start(self, points: dict[str, np.ndarray]) -> ToolStart:
-        return hanging.held_by_corners(self.cloth)
-
-    def place(self, points: np.ndarray) -> np.ndarray:
-        return hanging.laid_down(self.cloth)
+        super().__init__(HangingCloth(fidelity, sizes), **settings)
 
     def measure(self, state: State, episode: Episode) -> Measures:
         shape, goal = episode.shapes["cloth"], episode.goal["particles"]

@@ -2,18 +2,12 @@
 
 from typing import Unpack
 
-import numpy as np
-
-from softgym_mj.entities.cloth import Cloth
-from softgym_mj.robots.workspace import ToolStart
-from softgym_mj.tasks.shared import hanging
-from softgym_mj.tasks.shared.laid_cloth import LaidCloth
+from softgym_mj.tasks.shared.hanging import HangingTask
 from softgym_mj.tasks.shared.settings import ClothTaskSettings
 from softgym_mj.tasks.shared.starts.cloths import HangingCloth
-from softgym_mj.tasks.shared.symmetry import mirrored
 
 
-class DropFoldCloth(LaidCloth):
+class DropFoldCloth(HangingTask):
     """Drop a hanging cloth so that it lies folded in half.
 
     Goal: column i of the second half of SoftGym's particles lies at x = i rho, with rows centered
@@ -35,10 +29,8 @@ class DropFoldCloth(LaidCloth):
     summary = "Drop a hanging cloth so that it lies folded in half."
     difficulty, material = "hard", "cloth"
     success = 0.85  # Our choice: folded with some wrinkles; a pile in the right place scores 0.7.
-    actors, workspace = hanging.ACTORS, hanging.WORKSPACE
-    arm_height, view = hanging.BASE_HEIGHT, "drop_fold_cloth"
-    planning_horizon, example_variation, softgym_name = 30, 953, "ClothFoldDrop"
-    symmetries = mirrored("rows")
+    view, softgym_name = "drop_fold_cloth", "ClothFoldDrop"
+    planning_horizon, example_variation = 30, 953
 
     def __init__(self, *, fidelity: str = "default", **settings: Unpack[ClothTaskSettings]):
         """Builds the task.
@@ -48,12 +40,4 @@ class DropFoldCloth(LaidCloth):
             **settings: entries of `ClothTaskSettings`;
                 `help("softgym_mj.tasks.shared.settings")` explains them.
         """
-        cloth = Cloth(fidelity=fidelity)
-        super().__init__(cloth, HangingCloth(fidelity), **settings)
-        hanging.check_grippers(self.actor)
-
-    def tool_start(self, points: dict[str, np.ndarray]) -> ToolStart:
-        return hanging.held_by_corners(self.cloth)
-
-    def place(self, points: np.ndarray) -> np.ndarray:
-        return hanging.laid_down(self.cloth)
+        super().__init__(HangingCloth(fidelity), **settings)

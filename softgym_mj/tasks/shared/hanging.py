@@ -1,31 +1,41 @@
-"""Settings of the tasks that start with a cloth hanging from two grippers."""
+"""`HangingTask`: base of the tasks that start with a cloth hanging from two grippers."""
+
+from typing import Any
 
 import numpy as np
 
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.robots.arm.models import ARMS
-from softgym_mj.robots.gripper import Gripper
 from softgym_mj.robots.workspace import ToolStart, Workspace
+from softgym_mj.tasks.shared.laid_cloth import LaidCloth
+from softgym_mj.tasks.shared.starts.cloths import HangingCloth
+from softgym_mj.tasks.shared.symmetry import mirrored
 
-WORKSPACE = Workspace((-0.3, -0.5, 0.5), (0.5, 0.5, 2.0))  # docs/softgym.md 2.2.
 ACTORS = ("picker", "pick_and_place", *ARMS)  # Actors with two grippers, one per held corner.
-BASE_HEIGHT = 0.5  # [m] Base of arms: at the height of the lowest pickers.
 
 
-def check_grippers(actor: Gripper) -> None:
-    """Raises `InvalidArgumentError` unless there is a gripper for each corner."""
-    if actor.num_grippers != 2:
-        number = actor.num_grippers
-        raise InvalidArgumentError("number of grippers", number, "2, for the two corners held")
+class HangingTask(LaidCloth):
+    """Base of the tasks that lay a cloth that hangs by the corners p1 and p2 of column 0."""
 
+    actors = ACTORS
+    workspace = Workspace((-0.3, -0.5, 0.5), (0.5, 0.5, 2.0))  # docs/softgym.md 2.2.
+    arm_height = 0.5  # [m] Base of arms: at the height of the lowest pickers.
+    symmetries = mirrored("rows")
 
-def held_by_corners(cloth: Cloth) -> ToolStart:
-    """Returns a start with two grippers that hold the corners p1 and p2 of column 0."""
-    first, second = cloth.corners[:2].tolist()
-    return ToolStart((0.0, 0.0, 0.0), WORKSPACE, held=(first, second))
+    def __init__(self, start: HangingCloth, **settings: Any):
+        """Builds the task with a start and settings of `Task`.
 
+        Raises:
+            InvalidArgumentError: unless there is a gripper for each corner.
+        """
+        super().__init__(Cloth(fidelity=start.fidelity), start, **settings)
+        if (number := self.actor.num_grippers) != 2:
+            raise InvalidArgumentError("number of grippers", number, "2, for the two corners held")
 
-def laid_down(cloth: Cloth) -> np.ndarray:
-    """Returns SoftGym's particles (dimy, dimx, 3) [m] of the flat cloth at its goal."""
-    return cloth.particles(cloth.flat(center=(cloth.size[0] / 2, 0.0)))
+    def tool_start(self, points: dict[str, np.ndarray]) -> ToolStart:
+        first, second = self.cloth.corners[:2].tolist()
+        return ToolStart((0.0, 0.0, 0.0), self.workspace, held=(first, second))
+
+    def place(self, points: np.ndarray) -> np.ndarray:
+        return self.cloth.particles(self.cloth.flat(center=(self.cloth.size[0] / 2, 0.0)))
