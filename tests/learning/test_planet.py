@@ -360,7 +360,11 @@ def test_it_predicts_rewards_and_images_from_actions_alone(trained):
             belief = model.advance(belief, latent, before)
             latent = model.posterior(belief, model.encoder(centered(frames[:, :, t], 8))).mean
             before = actions[:, :, t]
-        states = [*model.imagine(belief, latent, actions[:, :, 2:].unbind(2))]
+        states = []
+        for action in actions[:, :, 2:].unbind(2):
+            belief = model.advance(belief, latent, action)
+            latent = model.prior(belief).mean
+            states.append((belief, latent))
         expected = torch.stack([model.reward(*state) for state in states], 2)
         images = 255.0 * (torch.stack([model.image(*state) for state in states], 2) + 0.5)
     target = rewards[:, :, 2:]

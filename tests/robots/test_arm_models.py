@@ -273,7 +273,7 @@ def test_joints_have_the_table_s_axes_and_limits(arm, model):
 
 def test_names_are_those_of_the_model(arm, model):
     names = [model.actuator(i).name for i in range(model.nu)]
-    assert names == list(arm.actuators)
+    assert names == [*arm.joints, *arm.finger_joints]
     for name in names:
         assert model.actuator(name).trnid[0] == model.joint(name).id
     assert {model.site(i).name for i in range(model.nsite)} == {arm.tcp_site, *arm.pad_sites}

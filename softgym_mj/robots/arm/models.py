@@ -64,11 +64,6 @@ class Arm:
     pad_geoms: tuple[str, str] = ("left_pad", "right_pad")
 
     @property
-    def actuators(self) -> tuple[str, ...]:
-        """Names (joints + 2,) of the position actuators: of the arm, then of the fingers."""
-        return (*self.joints, *self.finger_joints)
-
-    @property
     def opening(self) -> tuple[float, float]:
         """Distance [m] between the pads when closed and when open."""
         closed, open_ = self.finger_range

@@ -5,7 +5,7 @@ initialization. torchrl's RSSM modules support a single seed, use ELU instead of
 standard deviations where the authors add a minimum.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import torch
@@ -13,7 +13,6 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from softgym_mj.learning.methods.planet.layers import GRU, Decoder, Dense, Encoder, dense_layers
-from softgym_mj.learning.networks import drawn
 
 _LEAST = 0.1  # Minimum standard deviation of a latent (authors' code).
 
@@ -180,26 +179,6 @@ class WorldModel(nn.Module):
             x = layer(x)
         posterior = _gaussian(x)
         return belief, posterior.sample(noise), *posterior
-
-    def imagine(
-        self,
-        belief: Tensor,
-        latent: Tensor,
-        actions: Iterable[Tensor],
-        sources: Sequence[torch.Generator] | None = None,
-    ) -> Iterator[tuple[Tensor, Tensor]]:
-        """Yields the predicted belief and latent after each action (seeds, n, action).
-
-        Args:
-            belief, latent: Initial state (seeds, n, ...).
-            actions: Actions in order.
-            sources: Random generators of latents; None for their means.
-        """
-        for action in actions:
-            belief = self.advance(belief, latent, action)
-            prior = self.prior(belief)
-            latent = prior.sample(drawn(sources, *latent.shape[1:])) if sources else prior.mean
-            yield belief, latent
 
     def guess(
         self, belief: Tensor, latent: Tensor, action: Tensor, noise: Tensor
