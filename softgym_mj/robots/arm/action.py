@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from softgym_mj.robots.arm.command_filter import CommandFilter
 from softgym_mj.robots.arm.joint_servos import JointServos
 from softgym_mj.robots.base import ActionSpace
 
@@ -28,13 +29,15 @@ class ArmAction(abc.ABC):
     displaces = True
     turns = False
 
-    def __init__(self, servos: JointServos, clip: Clip):
+    def __init__(self, servos: JointServos, clip: Clip, points: int | None = None):
         """Binds the action to the servos, at home; call `start` before anything else.
 
         Args:
             servos: servos of the arms.
             clip: clips tool points to their range.
+            points: number of filtered points; None for one per arm.
         """
+        self._filter = CommandFilter(points or servos.number)
         self._servos, self._clip = servos, clip
         self._controller = servos.controller
 
@@ -84,10 +87,10 @@ class ArmAction(abc.ABC):
     def remembers(self) -> dict[str, int]:
         """Number of entries of `remembered` by name and unit, in order."""
 
-    @abc.abstractmethod
     def get_state(self) -> dict[str, np.ndarray]:
         """Returns the state for snapshots."""
+        return self._filter.get_state()
 
-    @abc.abstractmethod
     def set_state(self, state: dict[str, np.ndarray]) -> None:
         """Restores the state that `get_state` returned."""
+        self._filter.set_state(state)

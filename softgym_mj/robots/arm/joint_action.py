@@ -7,7 +7,7 @@ import numpy as np
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.robots.arm import cartesian
 from softgym_mj.robots.arm.action import ArmAction, Clip
-from softgym_mj.robots.arm.command_filter import CommandFilter, drawn_in
+from softgym_mj.robots.arm.command_filter import drawn_in
 from softgym_mj.robots.arm.joint_servos import JointServos
 from softgym_mj.robots.base import SIM_STEP, ActionSpace
 from softgym_mj.robots.gripper import gripper_actions
@@ -28,10 +28,9 @@ class JointAction(ArmAction):
     displaces = False
 
     def __init__(self, servos: JointServos, clip: Clip):
-        super().__init__(servos, clip)
+        super().__init__(servos, clip, len(servos.velocity_limits))
         self._largest = servos.velocity_limits * SIM_STEP  # [rad] Largest rotation in a sim step.
         self._scale = (FASTEST_AS / servos.velocity_limits)[:, None]  # [m/rad]
-        self._filter = CommandFilter(len(self._largest))
 
     @functools.cached_property
     def actions(self) -> ActionSpace:
@@ -88,9 +87,3 @@ class JointAction(ArmAction):
     def remembers(self) -> dict[str, int]:
         number, joints = self._servos.number, len(self._servos.joints)
         return {f"arm {i}, commanded joint positions [rad]": joints for i in range(number)}
-
-    def get_state(self) -> dict[str, np.ndarray]:
-        return self._filter.get_state()
-
-    def set_state(self, state: dict[str, np.ndarray]) -> None:
-        self._filter.set_state(state)

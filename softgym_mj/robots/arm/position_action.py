@@ -4,9 +4,7 @@ import functools
 
 import numpy as np
 
-from softgym_mj.robots.arm.action import ArmAction, Clip
-from softgym_mj.robots.arm.command_filter import CommandFilter
-from softgym_mj.robots.arm.joint_servos import JointServos
+from softgym_mj.robots.arm.action import ArmAction
 from softgym_mj.robots.base import ActionSpace
 from softgym_mj.robots.gripper import DISPLACEMENTS, MAX_DISPLACEMENT, gripper_actions
 
@@ -18,10 +16,6 @@ class PositionAction(ArmAction):
     """
 
     name = "position"
-
-    def __init__(self, servos: JointServos, clip: Clip):
-        super().__init__(servos, clip)
-        self._filter = CommandFilter(servos.number)
 
     @functools.cached_property
     def actions(self) -> ActionSpace:
@@ -58,9 +52,3 @@ class PositionAction(ArmAction):
     def remembers(self) -> dict[str, int]:
         number = self._servos.number
         return {f"arm {i}, commanded (x, y, z) [m]": 3 for i in range(number)}
-
-    def get_state(self) -> dict[str, np.ndarray]:
-        return self._filter.get_state()
-
-    def set_state(self, state: dict[str, np.ndarray]) -> None:
-        self._filter.set_state(state)
