@@ -85,6 +85,11 @@ def sent_to(executor: Executor, task: str | TaskRecord) -> TaskRecord | bytes:
     return pickle.dumps(CloudpickleWrapper(record))  # type: ignore[arg-type]  # Wraps anything.
 
 
+def received(task: TaskRecord | bytes) -> TaskRecord:
+    """Returns the record of a value of `sent_to`."""
+    return pickle.loads(task).fn if isinstance(task, bytes) else task
+
+
 def play_sequences(
     task: TaskRecord | bytes, settings: str, snapshot: Snapshot, sequences: np.ndarray
 ) -> np.ndarray:
@@ -109,6 +114,5 @@ def play_sequences(
 @functools.lru_cache(maxsize=1)
 def kept_environment(task: TaskRecord | bytes, settings: str) -> Environment:
     """Returns this process's cached environment of a value of `sent_to` and settings as JSON."""
-    record = pickle.loads(task).fn if isinstance(task, bytes) else task
     arguments = {"observation": "reduced", **json.loads(settings)}
-    return load(record, split="all", **arguments)
+    return load(received(task), split="all", **arguments)

@@ -2,7 +2,6 @@
 
 import functools
 import json
-import pickle
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -13,6 +12,7 @@ import numpy as np
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import SimulationError
 from softgym_mj.policies.factory import Policy, make_policy
+from softgym_mj.policies.rollouts import received
 from softgym_mj.recording.noise import disturbance
 from softgym_mj.registry import TaskRecord
 
@@ -139,5 +139,4 @@ def played(
 @functools.lru_cache(maxsize=1)
 def _environment(task: TaskRecord | bytes, settings: str) -> SoftGymEnv:
     """Returns this process's cached environment of a task."""
-    record = pickle.loads(task).fn if isinstance(task, bytes) else task
-    return SoftGymEnv(record, split="all", **json.loads(settings))
+    return SoftGymEnv(received(task), split="all", **json.loads(settings))
