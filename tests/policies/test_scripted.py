@@ -22,7 +22,7 @@ def test_every_task_has_an_expert():
     assert set(EXPERTS) == set(softgym_mj.TASKS)
 
 
-@pytest.mark.parametrize("actor", ["franka", "sawyer"])
+@pytest.mark.parametrize("actor", ["franka", pytest.param("sawyer", marks=pytest.mark.long)])
 @pytest.mark.parametrize(
     "variation", [906, *(pytest.param(v, marks=pytest.mark.slow) for v in (927, 977))]
 )
@@ -84,28 +84,25 @@ def test_a_dropped_cloth_lies_folded(variation):
 
 
 def test_water_is_carried_to_the_goal_without_a_drop():
-    for variation in (800, 806):
-        info = play("transport_water", variation, fidelity="fast")
-        assert info["spilled"] == 0.0 and info["distance_to_target"] < 1e-3
-        assert info["normalized_performance"] > 0.99 and info["success"]
+    info = play("transport_water", 806, fidelity="fast")
+    assert info["spilled"] == 0.0 and info["distance_to_target"] < 1e-3
+    assert info["normalized_performance"] > 0.99 and info["success"]
 
 
 def test_a_reckless_driver_spills():
     env = softgym_mj.load("transport_water", split="evaluate", fidelity="fast")
-    for variation in (800, 806):
-        timestep = env.reset(variation)
-        while not timestep.last():
-            way = 1.2 - timestep.observation["reduced"][0]
-            timestep = env.step(np.clip([way / 0.088], -1, 1))
-        info = env.info()
-        assert info["distance_to_target"] < 1e-9 and info["spilled"] > 0.01
-        assert info["normalized_performance"] < 0.9
+    timestep = env.reset(806)
+    while not timestep.last():
+        way = 1.2 - timestep.observation["reduced"][0]
+        timestep = env.step(np.clip([way / 0.088], -1, 1))
+    info = env.info()
+    assert info["distance_to_target"] < 1e-9 and info["spilled"] > 0.01
+    assert info["normalized_performance"] < 0.9
 
 
 def test_water_is_poured():
-    scores = [play("pour_water", v, fidelity="fast") for v in (801, 804)]
-    assert all(info["fraction_in_cup"] < 0.01 for info in scores)
-    assert min(info["normalized_performance"] for info in scores) > 0.85
+    info = play("pour_water", 801, fidelity="fast")
+    assert info["fraction_in_cup"] < 0.01 and info["normalized_performance"] > 0.85
 
 
 def test_an_expert_needs_two_pickers():
