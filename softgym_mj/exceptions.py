@@ -127,7 +127,7 @@ def check_image_size(argument: str, value: object, largest: int) -> tuple[int, i
 
 def install_extra(extra: str) -> str:
     """Returns the instruction that installs an extra of this package."""
-    return f"run `pip install '.[{extra}]'` in a checkout of softgym_mj"
+    return f"run `pip install '.[{extra}]'` in a clone of softgym_mj"
 
 
 def import_extra(module: str, name: str, extra: str) -> Any:

@@ -77,8 +77,8 @@ for panel, commands in _PANELS.items():
     for name, command in commands.items():
         app.command(name, rich_help_panel=panel)(command)
 app.add_typer(learning.app, name="learning", rich_help_panel="Policies")
-app.add_typer(validation.app, name="validate", rich_help_panel="Fabrics")
-app.add_typer(identification.app, name="identify", rich_help_panel="Fabrics")
+app.add_typer(validation.app, name="validate", rich_help_panel="Comparison with reality")
+app.add_typer(identification.app, name="identify", rich_help_panel="Comparison with reality")
 
 
 def _print_version(is_wanted: bool) -> None:

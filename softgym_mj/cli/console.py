@@ -51,12 +51,12 @@ Ray = Annotated[
     typer.Option(help="Ray cluster: address, auto, or local (starts one of --jobs cores)."),
 ]
 CableRecordings = Annotated[
-    pathlib.Path | None, typer.Argument(help="Folder data_set of the recordings.")
+    pathlib.Path | None, typer.Argument(help="Folder data_set of the recordings (docs/reality.md).")
 ]
 Cables = Annotated[list[str] | None, typer.Option(help="DLO1 to DLO5, repeatable; default: all.")]
 
 
-PUBLISHED = "docs/results/policies/{}.pt2"  # Policies in a checkout of the repository.
+PUBLISHED = "docs/results/policies/{}.pt2"  # Policies in a clone of the repository.
 
 
 def policy_file(name: str) -> str:

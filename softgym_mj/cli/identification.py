@@ -1,4 +1,4 @@
-"""The commands `softgym-mj identify ...`: parameters of a fabric from recordings of it."""
+"""The commands `softgym-mj identify ...`: parameters of fabrics and ropes from recordings."""
 
 import contextlib
 import dataclasses
@@ -17,16 +17,16 @@ from softgym_mj.entities.fabric import Fabric
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.storage.files import make_folder, read_json, write_json
 
-app = typer.Typer(help="Parameters of a fabric from recordings of it.", no_args_is_help=True)
+app = typer.Typer(help="Fits parameters of a fabric or a rope to recordings.", no_args_is_help=True)
 
 _MM = 1e3
 
 
 @app.callback()
 def identify() -> None:
-    """Identifies parameters of a fabric from recordings: values and 95 % intervals.
+    """Fits parameters of a fabric (`rags`) or a rope (`rope`) to recordings.
 
-    Each seed runs a least-squares search. The same command continues one that was stopped.
+    docs/identification.md and docs/reality.md describe the recordings.
     """
 
 
@@ -69,7 +69,11 @@ def rags(
         typer.Option(help="Folder for identification.json, fabric.json and intermediate results."),
     ] = pathlib.Path("identification"),
 ) -> None:
-    """Identifies from point clouds of a rag: fits repeat 0 of both primitives, tests the others."""
+    """Fits fabric parameters to point clouds of a hanging rag: values and 95 % intervals.
+
+    Repeat 0 of both motions is fitted, the others are held out. Each seed runs a least-squares
+    search. The same command continues one that was stopped.
+    """
     from softgym_mj.parallel.executors import make_executor
     from softgym_mj.reality.identification import rag_data
     from softgym_mj.reality.identification.identify import identify, open_store
@@ -167,7 +171,7 @@ def rope(
     recordings: Annotated[int, typer.Option(help="Number of train recordings, 5 or more.")] = 8,
     out: Annotated[pathlib.Path, typer.Option(help="JSON file.")] = pathlib.Path("rope.json"),
 ) -> None:
-    """Identifies stiffness, damping and length of recorded cables from train recordings.
+    """Fits stiffness, damping and length of a rope to recorded cables.
 
     One cable takes a minute or two on one core.
     """

@@ -89,7 +89,7 @@ def _published(folder: pathlib.Path, name: str) -> pathlib.Path:
     """
     if not (folder / name).exists():
         raise StoreError(
-            f"there is no {folder / name}: published results are in docs/results of a checkout of "
+            f"there is no {folder / name}: published results are in docs/results of a clone of "
             "the repository, not in the installed package; run this command there or pass "
             "--results FOLDER"
         )

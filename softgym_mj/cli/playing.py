@@ -121,8 +121,8 @@ def rollout(
         episode = play(env, policy, index, seed=seed, trust=trust, camera=camera, size=VIDEO_SIZE)
         if video is not None:
             _write(episode, video / f"{record.name}_{index:04d}.mp4")
-        line = {"task": record.name, "actor": actor, "grasp": grasp, "policy": policy,
-                "variation": index, "normalized_performance": _score(episode),
+        line = {"task": record.name, "actor": actor or env.task.actors[0], "grasp": grasp,
+                "policy": policy, "variation": index, "normalized_performance": _score(episode),
                 "success": bool(episode.info["success"][-1])}  # fmt: skip
         typer.echo(json.dumps(line))
 

@@ -19,6 +19,7 @@ from softgym_mj.exceptions import (
     UnavailableError,
     check_count,
     check_name,
+    import_extra,
 )
 from softgym_mj.parallel.executors import make_executor
 from softgym_mj.registry import find
@@ -60,7 +61,7 @@ def train(
         str | None,
         typer.Option(
             help="Policy that distill imitates, with --trust: FILE.pt2, or the name of one in "
-            "docs/results/policies of a checkout.",
+            "docs/results/policies of a clone.",
         ),
     ] = None,
     trust: Trust = False,
@@ -88,6 +89,7 @@ def train(
     ),
 ) -> None:
     """Trains a policy. The same command continues a training that was stopped."""
+    import_extra("torch", "PyTorch", "learning")
     from softgym_mj.learning import logs, reports
     from softgym_mj.learning.registry import find_preset, preset_names
     from softgym_mj.learning.spreading import train_each

@@ -10,7 +10,9 @@ import typer
 from softgym_mj.cli.console import CableRecordings, Cables, console
 from softgym_mj.storage.files import make_folder, read_json, write_json
 
-app = typer.Typer(help="Simulations against theory and recordings.", no_args_is_help=True)
+app = typer.Typer(
+    help="Compares simulated cloth with theory and ropes with recordings.", no_args_is_help=True
+)
 
 _TITLES = "measured", "theory", "off %", "bound %"
 _LINE = "{:<36} {:<21} {:>10} {:>10} {:>7} {}"
@@ -19,7 +21,7 @@ _SHOWN = ("cells", "load")  # Settings of an experiment that are printed.
 
 @app.callback()
 def validate() -> None:
-    """Compares simulations with theory and with recordings."""
+    """Compares simulated cloth with theory and simulated ropes with recordings of cables."""
 
 
 @app.command()

@@ -1,4 +1,4 @@
-"""Commands and errors that install extras work in a checkout and name extras that exist."""
+"""Commands and errors that install extras work in a clone and name extras that exist."""
 
 import pathlib
 import re
@@ -14,7 +14,7 @@ PAGES = [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
 SOURCES = [*(ROOT / "softgym_mj").rglob("*.py")]
 
 
-def test_extras_are_installed_from_a_checkout():
+def test_extras_are_installed_from_a_clone():
     wrong = []
     for file in PAGES + SOURCES:
         text = file.read_text(encoding="utf-8")
@@ -27,9 +27,7 @@ def test_extras_are_installed_from_a_checkout():
 
 
 def test_a_missing_module_names_the_command():
-    with pytest.raises(
-        UnavailableError, match=r"^Plots .*`pip install '\.\[plot\]'` in a checkout"
-    ):
+    with pytest.raises(UnavailableError, match=r"^Plots .*`pip install '\.\[plot\]'` in a clone"):
         import_extra("no_such_module_here", "Plots", "plot")
 
 
