@@ -1,7 +1,7 @@
 """Rules for results that are merged with the published ones: `learning table --merge`.
 
 A result is a folder with curve.csv (columns `curves.COLUMNS`), episodes.csv (the held-out episodes
-of the last evaluation) and card.json. docs/results.md describes these files.
+of the last evaluation) and card.json. docs/evaluation.md describes these files.
 """
 
 import csv

@@ -1,6 +1,6 @@
 """Scores policies that were trained by other code: `softgym-mj learning submit`.
 
-The folder has card.json and the exported policy of each seed; docs/results.md describes them. An
+The folder has card.json and the exported policy of each seed; docs/evaluation.md describes them. An
 existing curve keeps its earlier rows; final rows come from the evaluation here.
 """
 

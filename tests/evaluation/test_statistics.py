@@ -61,7 +61,7 @@ def test_the_interval_has_the_scatter_of_seeds_and_of_variations():
 @pytest.mark.slow
 @pytest.mark.parametrize(("seeds", "share"), [(2, 0.56), (3, 0.76), (5, 0.85), (10, 0.91)])
 def test_how_often_intervals_hold_the_true_mean(seeds, share, monkeypatch):
-    """The shares of docs/results.md: seeds scatter four times as much as variations."""
+    """The shares of docs/evaluation.md: seeds scatter four times as much as variations."""
     monkeypatch.setattr(statistics, "RESAMPLES", 2_000)
     random, trials, held = np.random.default_rng(seeds), 400, 0
     for _ in range(trials):
