@@ -166,7 +166,8 @@ def interface() -> str:
 
 def paragraphs(record: TaskRecord) -> dict[str, str]:
     """The docstring of the task's class as Markdown paragraphs by their label."""
-    text = re.sub(r" \(docs/softgym.md [^)]*\)", "", inspect.getdoc(record.resolve()) or "")
+    text = re.sub(r"\s+\(docs/softgym.md [^)]*\)", "", inspect.getdoc(record.resolve()) or "")
+    text = re.sub(r"\s+`tasks\.shared\.observations\.OBSERVATIONS`\s+lists\s+all\.", "", text)
     _, *parts = re.split(rf"^({'|'.join(_LABELS)})\b", text, flags=re.MULTILINE)
     return {
         label: (
@@ -192,8 +193,8 @@ def bounds(env: Environment) -> tuple[str, str]:
             return f"{a + 0.0:g}"
         if (a, b) == (first, second):
             return "the performance at reset"
-        return " and ".join(
-            f"{value:.4g} in variation {variation}"
+        return "a value of the variation: " + ", ".join(
+            f"{value:.4g} in {variation}"
             for value, variation in zip((a, b), VARIATIONS, strict=True)
         )
 
