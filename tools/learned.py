@@ -96,9 +96,8 @@ def overview() -> str:
     return found and found + (
         "\n\nNormalized performance on held-out variations: last checkpoint, median (quartiles) "
         "over five seeds. *No action*: mean over the same 200 variations. CEM plans with the true "
-        "dynamics and learns nothing (ten episodes). \u2020: start states have changed since. [All "
-        "methods, observations, budgets, curves and policies](docs/results.md); "
-        "`python -m tools.run_queue` lists open runs."
+        "dynamics and learns nothing (ten episodes). \u2020: measured before the task's initial states "
+        "changed. [All methods, observations, budgets, curves and policies](docs/results.md)."
     )
 
 
