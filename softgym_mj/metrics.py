@@ -270,13 +270,13 @@ def inside(points: Array, pose: Array, size: Array) -> Array:
 
 
 def fraction(marks: Array, present: Array) -> Array:
-    """Returns the share (...) of present points (..., n) bool that have a mark (..., n) bool."""
+    """Returns the share (...) of marked points among those present; both are (..., n) bool."""
     xp = namespace(marks)
     return mean(xp.astype(marks, xp.float64), xp.astype(present, xp.float64))
 
 
 def highest(points: Array, present: Array) -> Array:
-    """Returns the height (...) [m] of the highest of the present points (..., n, 3)."""
+    """Returns the largest height (...) [m] among the present points (..., n, 3)."""
     xp = namespace(points)
     return xp.max(xp.where(present, points[..., 2], -math.inf), axis=-1)
 

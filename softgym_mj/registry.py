@@ -227,7 +227,7 @@ def add_gymnasium_id(record: TaskRecord) -> None:
     """Registers the id of a task for `make` and `make_vec`; imports neither task nor environment.
 
     The id has no `max_episode_steps`: Gymnasium's `TimeLimit` would end episodes at that number,
-    whatever `horizon=` and the actor, and would not restart its count when a state is restored.
+    regardless of `horizon=` and the actor, and would not reset its count when a state is restored.
     """
     gymnasium.register(
         id=record.gymnasium_id,

@@ -29,12 +29,12 @@ _WORDS = {"bool": "True or False", "int": "a whole number", "float": "a finite n
 
 
 def typed(checked: _Checked) -> _Checked:
-    """Makes a function, or the constructor of a class, check the types of its arguments.
+    """Decorates a function, or the constructor of a class, with a check of argument types.
 
     Arguments are checked against their annotations; annotations in quotes are ignored.
 
     Raises:
-        InvalidArgumentError: by the function, for an argument of another type.
+        InvalidArgumentError: when the function is called with an argument of another type.
     """
     if isinstance(checked, type):
         checked.__init__ = typed(checked.__init__)  # type: ignore[misc]
@@ -61,8 +61,8 @@ def typed(checked: _Checked) -> _Checked:
 def check_type(argument: str, value: object, annotation: Any) -> None:
     """Raises `InvalidArgumentError` unless a value has the type of an annotation.
 
-    NumPy's numbers are numbers, NaN and infinity are not, and a list may stand for a tuple, which
-    JSON lacks.
+    NumPy scalars are accepted as numbers, NaN and infinity are not. A list is accepted for a tuple,
+    because JSON has no tuples.
     """
     if not _is_of(value, annotation):
         name = annotation.__name__ if isinstance(annotation, type) else str(annotation)
@@ -81,7 +81,7 @@ def as_array(argument: str, value: object) -> np.ndarray:
         return np.asarray(value)
     except Exception as error:  # The value's own class may raise any error.
         reason = f"{type(value).__name__}: {error}"
-        raise InvalidArgumentError(f"{argument} is no array of real numbers: {reason}") from error
+        raise InvalidArgumentError(f"{argument} is not an array of numbers: {reason}") from error
 
 
 def _is_of(value: Any, annotation: Any) -> bool:

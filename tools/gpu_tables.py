@@ -17,7 +17,7 @@ def measured(name: str) -> Any:
 
 
 def rates() -> str:
-    """Env steps a second on a GPU, and the memory of most environments."""
+    """Env steps per second on a GPU, and the memory of most environments."""
     found = measured("gpu")
     numbers = sorted({int(number) for own in found["rates"].values() for number in own})
     rows = []
@@ -38,7 +38,7 @@ def rates() -> str:
 
 
 def images() -> str:
-    """Env steps a second with images, and how alike images are."""
+    """Env steps per second with images, and how alike images are."""
     found, alike = measured("gpu").get("images", {}), measured("pictures")
     rows = []
     for task in TASKS:

@@ -96,8 +96,9 @@ def overview() -> str:
     return found and found + (
         "\n\nNormalized performance on held-out variations: last checkpoint, median (quartiles) "
         "over five seeds. *No action*: mean over the same 200 variations. CEM plans with the true "
-        "dynamics and learns nothing (ten episodes). \u2020: measured before the task's initial states "
-        "changed. [All methods, observations, budgets, curves and policies](docs/results.md)."
+        "dynamics and learns nothing (ten episodes). \u2020: measured before the task's initial "
+        "states changed. [All methods, observations, budgets, curves and "
+        "policies](docs/results.md)."
     )
 
 

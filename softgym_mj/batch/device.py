@@ -48,7 +48,7 @@ class Device(Protocol):
         """Copies an array (...) to NumPy."""
 
     def copy(self, array: Any) -> Copy:
-        """Begins a copy of an array (...) to NumPy without waiting."""
+        """Starts an asynchronous copy of an array (...) to NumPy."""
 
     def address(self, array: Any) -> int:
         """Returns the address of an array's memory."""

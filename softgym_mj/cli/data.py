@@ -107,9 +107,9 @@ def record(
         str | None, typer.Option(help="URL of the code, in the version that was run.")
     ] = None,
 ) -> None:
-    """Records a dataset, an episode a variation. The same command continues a stopped one.
+    """Records a dataset, one episode per variation. The same command continues a stopped one.
 
-    TASK `all` records a dataset of each task that does not have the same one already.
+    TASK `all` records a dataset of each task, except those that exist with the same settings.
     """
     from softgym_mj import recording
 

@@ -63,7 +63,7 @@ def bench(
         outcome = envs.step(actions[steps % _WARM_UP])
         steps += 1
     rate = steps * num_envs / (_now(outcome) - start)
-    console.print(f"{task} on {device}: {num_envs} environments, {rate:.0f} env steps a second")
+    console.print(f"{task} on {device}: {num_envs} environments, {rate:.0f} env steps per second")
     envs.close()
 
 

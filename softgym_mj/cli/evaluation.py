@@ -40,7 +40,7 @@ def evaluate(
         str,
         typer.Option(
             help="scripted, random, zero, cem, icem, FILE.pt2 or MODULE:FUNCTION; FILE_{seed}.pt2 "
-            "for one file a seed; the name of a file in docs/results/policies of a clone."
+            "for one file per seed; the name of a file in docs/results/policies of a clone."
         ),
     ] = "scripted",
     trust: Trust = False,

@@ -38,7 +38,7 @@ def photo(
         pathlib.Path | None, typer.Option(help="The file; TASK.png or TASK.mp4 if not given.")
     ] = None,
 ) -> None:
-    """Renders a task with a path tracer: seconds to minutes a picture."""
+    """Renders a task with a path tracer: seconds to minutes per picture."""
     record, ending = find(task), ".mp4" if video else ".png"
     file = out or pathlib.Path(f"{record.name}{ending}")
     if file.suffix.lower() != ending:

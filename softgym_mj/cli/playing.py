@@ -109,7 +109,7 @@ def rollout(
         pathlib.Path | None, typer.Option(help="Folder for a video of every episode.")
     ] = None,
 ) -> None:
-    """Runs a policy on the first variations of a split; prints one JSON line an episode."""
+    """Runs a policy on the first variations of a split; prints one JSON line per episode."""
     record, variations = find(task), first_variations(split, episodes)
     policy = policy_file(policy)
     if video is not None:

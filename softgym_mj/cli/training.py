@@ -165,5 +165,5 @@ def _teacher(name: str, trust: bool) -> dict[str, Any]:
         )
     observed = observes(file).get("observation", "markov")
     if not isinstance(observed, str) or has_images([observed]):
-        raise InvalidArgumentError("teacher", name, f"a policy of states; it observes {observed}")
+        raise InvalidArgumentError("teacher", name, f"a state policy; this one observes {observed}")
     return {"teacher": file, "privileged": observed}

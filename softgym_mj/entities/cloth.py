@@ -77,7 +77,7 @@ class Cloth(Sheet):
         self._start_sheet(name, fabric, has_strip=marker)
         self.dims = (0, 0)
         if size is not None and dims is not None:
-            raise InvalidArgumentError("dims", dims, "None, as `size` is given")
+            raise InvalidArgumentError("dims", dims, "None, because `size` is given")
         if dims is None:
             dims = DEFAULT_DIMS if size is None else _dims(size)
         self.resize(dims)

@@ -26,7 +26,7 @@ class ProgressReward(gymnasium.Wrapper, RecordConstructorArgs):
         self._reached = 0.0
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
-        """Starts an episode; one that is continued from a state is rewarded from there on."""
+        """Starts an episode; if it continues from a snapshot, rewards count from that state on."""
         observation, info = self.env.reset(seed=seed, options=options)
         self._reached = info["normalized_performance"]
         return observation, info

@@ -35,7 +35,7 @@ def open_folder(path: pathlib.Path, configuration: Mapping[str, Any]) -> Store:
         differ.append(f"content of {', '.join(changed)}")
     if differ:
         raise StoreError(
-            f"{path} holds an evaluation with another {', '.join(differ)}: type --out and a new "
+            f"{path} holds an evaluation with another {', '.join(differ)}: pass --out with a new "
             f"folder, such as --out {path}_2, or delete {path}"
         )
     store.claim()

@@ -50,7 +50,7 @@ class Explorer:
         self._scores: tuple[Any, Any] | None = None  # Sums since the last call of `scores`.
 
     def begin(self, part: int, actions: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
-        """Starts the episodes of a part and repeats its actions so far.
+        """Starts the episodes of a part of a training and replays the actions already taken in it.
 
         Args:
             part: Number of earlier parts.

@@ -33,7 +33,7 @@ def join(folders: Sequence[pathlib.Path], out: pathlib.Path) -> list[int]:
                 where = f"{name} in {folder / CARD} and in {first / CARD}"
                 raise StoreError(f"trainings are not joined: {where} differ")
         if own.get("env_steps") != own["evaluations"][-1]:
-            raise StoreError(f"trainings are not joined: that of {folder} has not ended")
+            raise StoreError(f"trainings cannot be joined: {folder} has not ended")
         for seed in own["seeds"]:
             if seed in of:
                 raise StoreError(f"trainings are not joined: {of[seed]} and {folder} have {seed=}")

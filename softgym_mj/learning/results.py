@@ -243,7 +243,7 @@ def merged(*several: Iterable[Row]) -> list[Row]:
     for row in (row for rows in several for row in rows):
         old = result.setdefault(row.key, row)
         if old != row:
-            raise StoreError(f"two results of one evaluation, remove one: {old} and {row}")
+            raise StoreError(f"two results of one evaluation; remove one: {old} and {row}")
     return [result[key] for key in sorted(result)]
 
 

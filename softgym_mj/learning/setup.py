@@ -77,7 +77,7 @@ class TrainingSetup:
             raise
         except (RuntimeError, MemoryError) as error:  # PyTorch runs out of memory.
             raise InvalidArgumentError(
-                f"the networks or the replay of {self.method.name} cannot be made with these "
+                f"the networks or the replay of {self.method.name} cannot be created with these "
                 f"settings: {error}"
             ) from error
 

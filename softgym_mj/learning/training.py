@@ -161,7 +161,7 @@ class Training(TrainingSetup):
             self.rows += curve_rows(common, self.seeds, result)
 
     def play(self, variations: Sequence[int]) -> dict[str, np.ndarray]:
-        """Plays an episode of each variation with the best actions of each seed.
+        """Plays an episode of each variation with the deterministic actions of each seed.
 
         Returns:
             Infos (seeds, variations) at the end of episodes, by name.

@@ -38,9 +38,9 @@ class Executor(contextlib.AbstractContextManager["Executor"]):
     def results(
         self, function: Callable, calls: Sequence[tuple[Any, ...]]
     ) -> Iterator[tuple[int, Any]]:
-        """Computes calls; yields (index, result) of each as soon as it is finished.
+        """Runs calls; yields (index, result) of each as soon as it has finished.
 
-        An error of a call is raised after the calls that had started are finished and yielded.
+        An error in a call is raised after the calls already running have been yielded.
 
         Args:
             function: Function of a module, so that other processes can import it.

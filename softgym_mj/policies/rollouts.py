@@ -74,10 +74,10 @@ def answered(askers: Sequence[Asking[T]], rollouts: Rollouts) -> list[T]:
 
 
 def sent_to(executor: Executor, task: str | TaskRecord) -> TaskRecord | bytes:
-    """Returns a task as an argument of an executor's calls.
+    """Returns a task as an argument for calls of an executor.
 
-    For other processes, which may not have registered it, it is pickled, with its class if no
-    module has it.
+    Worker processes may not have registered the task, so they get its pickled record, which
+    includes the class if no module defines it.
     """
     record = registry.find(task)
     if isinstance(executor, SerialExecutor):

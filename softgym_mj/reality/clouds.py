@@ -76,7 +76,7 @@ def _content(path: pathlib.Path) -> bytes:
 
 def _number(path: pathlib.Path, word: bytes) -> int:
     if not word.isdigit():
-        raise StoreError(f"{path}: {word!r} is no number of points")
+        raise StoreError(f"{path}: {word!r} is not a number of points")
     return int(word)
 
 

@@ -183,5 +183,5 @@ def _clear(unfinished: pathlib.Path) -> None:
 
 
 def letters(*words: str | None) -> str:
-    """Joins words, except those that are None, to a part of an id."""
+    """Returns the words that are not None, joined by hyphens to a part of a dataset id."""
     return _NO_LETTER.sub("-", "-".join(filter(None, words)))

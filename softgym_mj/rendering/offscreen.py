@@ -218,7 +218,7 @@ class CameraView:
         except (RuntimeError, ImportError, OSError, mujoco.FatalError) as error:
             if _OTHER_THREAD in str(error):
                 raise UnavailableError(
-                    "this environment has rendered in another thread, and OpenGL stays there: "
+                    "this environment has rendered in another thread, and OpenGL is tied to it: "
                     "render, reset and step it in that thread only, or make one in each thread"
                 ) from error
             backend = os.environ.get("MUJOCO_GL", "")

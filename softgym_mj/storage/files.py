@@ -92,7 +92,7 @@ def read_json(file: pathlib.Path) -> dict[str, Any]:
     with naming(file, "read"):
         content = json.loads(read_whole(file))
         if not isinstance(content, dict):
-            raise ValueError("it is no JSON object")
+            raise ValueError("it is not a JSON object")
     return content
 
 

@@ -71,7 +71,7 @@ def make_vec(
     from softgym_mj.vector.batch.backend import BatchBackend
 
     if context is not None:
-        raise InvalidArgumentError("context", context, "None: there are no processes")
+        raise InvalidArgumentError("context", context, "None: no worker processes on this device")
     batch_device = make_device(device, check_count("num_envs", num_envs, 1), num_workers)
     backend = BatchBackend(make(), num_envs, batch_device, make)
     return VectorEnv(backend, variations, AutoresetMode(autoreset_mode))

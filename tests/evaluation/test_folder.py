@@ -19,7 +19,7 @@ SIMPLE = Configuration("straighten_rope", "random", (800, 801, 802), (0, 1), SHO
 def test_a_folder_belongs_to_one_configuration(tmp_path):
     evaluate(SIMPLE, tmp_path)
     other = dataclasses.replace(SIMPLE, settings={"horizon": 7})
-    with pytest.raises(StoreError, match=r"another settings: type --out and .*_2, or delete"):
+    with pytest.raises(StoreError, match=r"another settings: pass --out with .*_2, or delete"):
         evaluate(other, tmp_path)
 
 

@@ -69,7 +69,7 @@ RAG_DAMAGE = {
     "truncated": (lambda path: path.write_bytes(path.read_bytes()[:-5]), "bytes of points"),
     "cut in the header": (
         lambda path: path.write_bytes(path.read_bytes()[:40]),
-        "no number of points",
+        "not a number of points",
     ),
     "empty": (
         lambda path: path.write_bytes(

@@ -124,5 +124,5 @@ def test_secret_properties_are_found_in_recordings_of_them(tmp_path, monkeypatch
 
 
 def test_a_file_of_other_content_is_refused(tmp_path):
-    with pytest.raises(StoreError, match="no identified cable"):
+    with pytest.raises(StoreError, match="not an identified cable"):
         identification.Identified.from_json({"properties": {"bend": "soft"}})

@@ -140,6 +140,6 @@ def make(settings: CURLSettings, problem: Problem) -> OffPolicy:
     """
     size = min(picture_size(problem))
     if settings.crop > size:
-        raise InvalidArgumentError("crop", settings.crop, f"{size} or less, as images are")
+        raise InvalidArgumentError("crop", settings.crop, f"{size} or less, the images' size")
     curl = CURL(settings, problem.seeds, problem.action, problem.device)
     return OffPolicy(settings, problem, curl)

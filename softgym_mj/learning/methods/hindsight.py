@@ -171,7 +171,7 @@ def make(settings: HindsightSettings, problem: Problem) -> OffPolicy:
     """Returns the `Learner` of a problem.
 
     Raises:
-        InvalidArgumentError: for a task whose goal is not drawn, or other observations than full.
+        InvalidArgumentError: if the task draws no goals, or the observation is not `full`.
     """
     env = problem.example()
     of = goals(env.name, env.task)

@@ -63,7 +63,7 @@ class Identified:
             spacing = tuple(map(float, entry["spacing"]))
             return cls(properties, found, spacing, int(entry["recordings"]))
         except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise StoreError(f"it is no identified cable: {error!r}") from error
+            raise StoreError(f"it is not an identified cable: {error!r}") from error
 
 
 def spread(recordings: Sequence[Recording], number: int) -> list[Recording]:

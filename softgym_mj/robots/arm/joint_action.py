@@ -18,10 +18,10 @@ FASTEST_AS = 1.5
 
 
 class JointAction(ArmAction):
-    """Velocity of each joint as a fraction of its largest speed, and grip.
+    """Action space of arms: a fraction of each joint's maximum velocity, and a grip per hand.
 
-    Commanded joints stay within their limits, and wait if the arm falls behind. Neither workspace
-    nor reach bound the hands, but they keep away from the floor and from each other.
+    Commanded joints stay within their limits and stop while the arm lags too far behind. Workspace
+    and reach do not bound the hands; they keep clear of the floor and of each other.
     """
 
     name = "joints"
@@ -46,7 +46,7 @@ class JointAction(ArmAction):
         self._filter.start(self._scaled(self._controller.configuration))
 
     def displacing(self, fractions: np.ndarray, grips: np.ndarray) -> np.ndarray:
-        raise InvalidArgumentError("action", self.name, "one that says where hands go")
+        raise InvalidArgumentError("action", self.name, "one that commands positions of hands")
 
     def advance(self) -> None:
         wanted = self.angles + self._largest * self._entries.ravel()

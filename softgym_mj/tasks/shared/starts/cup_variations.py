@@ -49,12 +49,12 @@ class Sample:
 
     @property
     def smaller(self) -> int:
-        """Smaller number of columns, q in docs/softgym.md."""
+        """Smaller of dx and dz, q in docs/softgym.md 3.0."""
         return min(self.dx, self.dz)
 
     @property
     def is_large(self) -> bool:
-        """Whether the cup is made flatter for its water."""
+        """Whether the sample is SoftGym's "large" amount of water, which gets a flatter cup."""
         return self.dy == 4 * self.smaller
 
     @property

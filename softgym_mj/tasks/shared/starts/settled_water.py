@@ -64,7 +64,7 @@ class SettledWater:
 
     @property
     def parameters(self) -> dict[str, object]:
-        """Parameters that determine the states, besides the cups."""
+        """Parameters that determine the initial states, except the cups, as a dict."""
         liquid = dataclasses.asdict(self.liquid)
         return {"version": 4, "fidelity": self.fidelity, "liquid": liquid, "timestep": TIMESTEP}
 
