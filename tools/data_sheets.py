@@ -167,7 +167,7 @@ def interface() -> str:
 def paragraphs(record: TaskRecord) -> dict[str, str]:
     """The docstring of the task's class as Markdown paragraphs by their label."""
     text = re.sub(r"\s+\(docs/softgym.md [^)]*\)", "", inspect.getdoc(record.resolve()) or "")
-    text = re.sub(r"\s+`tasks\.shared\.observations\.OBSERVATIONS`\s+lists\s+all\.", "", text)
+    text = re.sub(r"\s+docs/interface\.md\s+lists\s+the\s+others\.", "", text)
     _, *parts = re.split(rf"^({'|'.join(_LABELS)})\b", text, flags=re.MULTILINE)
     return {
         label: (
