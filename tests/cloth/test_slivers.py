@@ -76,9 +76,9 @@ def standing(flex: Flex) -> FlexScene:
 @pytest.mark.parametrize(
     ("make", "height"),
     [
-        (with_sliver_at_the_rim, 1e-3),
+        pytest.param(with_sliver_at_the_rim, 1e-3, marks=pytest.mark.long),
         (with_sliver_at_the_rim, 1e-4),
-        (with_sliver_inside, 3e-3),
+        pytest.param(with_sliver_inside, 3e-3, marks=pytest.mark.long),
         (with_sliver_inside, 4e-4),
     ],
 )

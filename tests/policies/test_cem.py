@@ -248,7 +248,9 @@ def test_a_device_plays_no_further_than_the_episode():
     np.testing.assert_allclose(*both, rtol=1e-12)
 
 
-@pytest.mark.parametrize("task", ["straighten_rope", "drop_cloth", "pour_water"])
+@pytest.mark.parametrize(
+    "task", ["straighten_rope", pytest.param("drop_cloth", marks=pytest.mark.long), "pour_water"]
+)
 def test_trials_together_are_those_alone(task):
     settings, variations = {"fidelity": "fast", "horizon": 4}, (801, 805, 805)
     env = softgym_mj.load(task, split="all", observation="reduced", **settings)
