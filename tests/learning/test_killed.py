@@ -10,6 +10,8 @@ import time
 import pytest
 import torch
 
+from tests.learning.test_methods import same
+
 SETTINGS = {
     "env_steps": 640, "num_envs": 4, "part": 64, "episodes": 1, "final_episodes": 2,
     "fidelity": "fast", "episode_steps": 20, "random_steps": 64, "updates": 4, "batch": 64,
@@ -50,16 +52,6 @@ def _killed(folder, delay):
     return is_running
 
 
-def _same(first, second):
-    if isinstance(first, torch.Tensor):
-        return torch.equal(first, second)
-    if isinstance(first, dict):
-        return first.keys() == second.keys() and all(_same(first[k], second[k]) for k in first)
-    if isinstance(first, list | tuple):
-        return len(first) == len(second) and all(map(_same, first, second))
-    return first == second
-
-
 @pytest.mark.slow
 def test_kills_at_random_moments_change_nothing(tmp_path):
     rows, weights, seconds = _ended(tmp_path / "whole")
@@ -69,4 +61,4 @@ def test_kills_at_random_moments_change_nothing(tmp_path):
     again, result, _ = _ended(tmp_path / "killed")
     assert caught >= 2  # Some were not through.
     assert again == rows and len(rows) == 10 * 2 * 2
-    assert _same(result, weights)
+    assert same(result, weights)

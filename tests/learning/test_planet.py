@@ -22,6 +22,7 @@ from softgym_mj.learning.methods.planet.learner import (
 from softgym_mj.learning.networks import drawn, generators
 from softgym_mj.learning.registry import find_method, find_preset
 from softgym_mj.learning.settings import TrainingSettings
+from tests.learning.plain_layers import plain_layer
 
 SIZE, ACTION = 16, 1
 SIZES = {"belief": 24, "latent": 4, "hidden": 24, "channels": 8}
@@ -37,13 +38,6 @@ def _model(seeds, image_size=SIZE, **sizes):
 
 def _problem(seeds=(0, 1), num_envs=2, size=SIZE):
     return Problem("none", {}, list(seeds), num_envs, (size, size, 3), ACTION, 1.0, "cpu")
-
-
-def _single(layer, k):
-    """A dense layer of seed number k, of PyTorch's own."""
-    own = nn.Linear(*layer.weight.shape[1:])
-    own.weight.data, own.bias.data = layer.weight[k].T.clone(), layer.bias[k, 0].clone()
-    return own
 
 
 # ---------------------------------------------------------------------- layers
@@ -74,7 +68,7 @@ def test_images_go_through_pytorchs_convolutions(size, kernels):
         for layer in encoder.layers:
             x = nn.functional.conv2d(x, layer.weight[k], layer.bias[k], stride=2).relu()
         torch.testing.assert_close(encoder(image)[k], x.flatten(1), rtol=1e-4, atol=1e-5)
-        x = _single(decoder.first, k)(features[k])[..., None, None]
+        x = plain_layer(decoder.first, k)(features[k])[..., None, None]
         for i, layer in enumerate(decoder.layers):
             x = nn.functional.conv_transpose2d(x, layer.weight[k], layer.bias[k], stride=2)
             x = x.relu() if i < len(kernels) - 1 else x
@@ -106,7 +100,7 @@ def test_states_are_those_of_torchrl():
     prior = RSSMPrior(Bounded(-1.0, 1.0, (ACTION,)), 24, 24, 4, 1e-9, ACTION)
     posterior = RSSMPosterior(24, 4, 1e-9, 24, 32)
     joined, cell = model._join, model._cell
-    prior.action_state_projector = nn.Sequential(_single(joined, k), nn.ReLU())
+    prior.action_state_projector = nn.Sequential(plain_layer(joined, k), nn.ReLU())
     prior.rnn.weight_ih.data, prior.rnn.bias_ih.data = cell.seen.weight[k].T, cell.seen.bias[k, 0]
     prior.rnn.weight_hh.data, prior.rnn.bias_hh.data = (
         cell.state_gates.weight[k].T,
@@ -116,7 +110,11 @@ def test_states_are_those_of_torchrl():
         (prior.rnn_to_prior_projector, model._prior),
         (posterior.obs_rnn_to_post_projector, model._posterior),
     ):
-        network[0], network[1], network[2] = _single(ours[0], k), nn.ReLU(), _single(ours[2], k)
+        network[0], network[1], network[2] = (
+            plain_layer(ours[0], k),
+            nn.ReLU(),
+            plain_layer(ours[2], k),
+        )
     after = model.advance(belief, latent, action)
     mean, deviation, _, expected = prior(latent[k], belief[k], action[k], noise)
     torch.testing.assert_close(after[k], expected)

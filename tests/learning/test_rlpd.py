@@ -4,18 +4,18 @@ import dataclasses
 
 import pytest
 import torch
-from torch import nn
 
 import softgym_mj
 from softgym_mj.learning.demonstrations import replay_of
 from softgym_mj.learning.learner import Step
 from softgym_mj.learning.methods.rlpd import RLPD, RLPDSettings, least
 from softgym_mj.learning.methods.sac import SAC
-from softgym_mj.learning.networks import Linear, drawn
+from softgym_mj.learning.networks import drawn
 from softgym_mj.learning.registry import find_method, find_preset
 from softgym_mj.learning.replay import Batch
 from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.training import Training
+from tests.learning.plain_layers import plain_network
 
 OBSERVATION, ACTION, NUMBER = 3, 2, 5
 SMALL = RLPDSettings(hidden=(16, 16), critics=4, actor_every=2)
@@ -51,14 +51,7 @@ def _batch(seeds, seed=0):
 
 def _single(ensemble, k, c):
     """Critic c of seed number k, of PyTorch's own layers."""
-    layers, row = [], k * ensemble.number + c
-    for layer in ensemble.body:
-        own = nn.ReLU() if isinstance(layer, nn.ReLU) else layer
-        if isinstance(layer, Linear):
-            own = nn.Linear(*layer.weight.shape[1:])
-            own.weight.data, own.bias.data = layer.weight[row].T, layer.bias[row, 0]
-        layers.append(own)
-    return nn.Sequential(*layers)
+    return plain_network(ensemble.body, k * ensemble.number + c)
 
 
 def test_an_ensemble_is_so_many_critics():

@@ -6,7 +6,6 @@ import math
 import numpy as np
 import pytest
 import torch
-from torch import nn
 
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.sac import (
@@ -19,6 +18,7 @@ from softgym_mj.learning.methods.sac import (
 )
 from softgym_mj.learning.networks import Actor, Linear, drawn, generators
 from softgym_mj.learning.replay import Batch
+from tests.learning.plain_layers import plain_network
 
 OBSERVATION, ACTION, NUMBER = 5, 2, 7
 SMALL = SACSettings(hidden=(16, 16), norm=True)
@@ -60,19 +60,6 @@ def test_weights_are_orthogonal_and_of_their_seed_alone():
     torch.testing.assert_close(product, 4.0 * torch.eye(4), atol=1e-5, rtol=1e-5)
 
 
-def _single(body, k):
-    """A network of number k, of PyTorch's own layers."""
-    layers = []
-    for layer in body:
-        if isinstance(layer, Linear):
-            own = nn.Linear(*layer.weight.shape[1:])
-            own.weight.data, own.bias.data = layer.weight[k].T.clone(), layer.bias[k, 0].clone()
-        else:
-            own = nn.ReLU() if isinstance(layer, nn.ReLU) else layer
-        layers.append(own)
-    return nn.Sequential(*layers)
-
-
 @pytest.mark.parametrize(("entropy", "min_q_weight"), [(-1.0, 1.0), (0.25, 0.3)])
 def test_losses_are_those_of_the_paper(entropy, min_q_weight):  # Which has the first ones.
     seeds = [0, 1]
@@ -88,7 +75,7 @@ def test_losses_are_those_of_the_paper(entropy, min_q_weight):  # Which has the 
     critic, (actor, alpha) = sac.critic_loss(batch, noise), sac.actor_losses(batch, noise)
     for k in range(2):
         pair, targets = (
-            [_single(critics.body, 2 * k + i) for i in range(2)]
+            [plain_network(critics.body, 2 * k + i) for i in range(2)]
             for critics in (sac.critics, sac.targets)
         )
         weight = sac.alpha[k].item()
