@@ -2,18 +2,13 @@
 
 from typing import Unpack
 
-import numpy as np
-
 from softgym_mj.metrics import Measures
-from softgym_mj.robots.factory import CUP_ACTORS
-from softgym_mj.tasks.shared import entries, pouring
-from softgym_mj.tasks.shared.base import Task
-from softgym_mj.tasks.shared.entries import Entries
+from softgym_mj.tasks.shared.pouring import PouringTask, fractions
 from softgym_mj.tasks.shared.settings import CupTaskSettings
 from softgym_mj.tasks.shared.state import Episode, State
 
 
-class PourWater(Task):
+class PourWater(PouringTask):
     """Pour the water of one cup into another.
 
     Goal: all water in the target cup.
@@ -38,15 +33,9 @@ class PourWater(Task):
     summary = "Pour the water of one cup into another."
     difficulty, material = "medium", "water"
     success = 0.95  # Our choice: a twentieth of the water may be spilled or stay in the cup.
-    actors, view, reset_height = CUP_ACTORS, "pour_water", 0.0
-    planning_horizon, softgym_name = 40, "PourWater"
+    softgym_name = "PourWater"
 
-    def __init__(
-        self,
-        *,
-        fidelity: str = "default",
-        **settings: Unpack[CupTaskSettings],
-    ):
+    def __init__(self, *, fidelity: str = "default", **settings: Unpack[CupTaskSettings]):
         """Builds the task.
 
         Args:
@@ -54,22 +43,9 @@ class PourWater(Task):
             **settings: entries of `CupTaskSettings`;
                 `help("softgym_mj.tasks.shared.settings")` explains them.
         """
-        actor = settings.get("actor")
-        start, self.water, self.cup, self.target, tool = pouring.parts(actor, fidelity)
-        super().__init__([self.water, self.target], start, tool=tool, **settings)
-        self.water.confine(self.cup.body, self.target.body)
-
-    def arrange(self, random: np.random.Generator) -> None:
-        pouring.stand(self.target, self.variation)
-        super().arrange(random)
+        super().__init__(fidelity, **settings)
 
     def measure(self, state: State, episode: Episode) -> Measures:
-        shares = pouring.fractions(state, episode)
+        shares = fractions(state, episode)
         poured = shares.pop("poured")
         return Measures(poured, rewards={"poured": poured}, info=shares)
-
-    def reduced(self, state: State, episode: Episode) -> Entries:
-        return pouring.reduced(state, episode)
-
-    def extra_state(self, state: State, episode: Episode) -> Entries:
-        return entries.cups(state, episode)

@@ -8,11 +8,9 @@ from softgym_mj import metrics
 from softgym_mj.entities.marks import LevelMark
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.metrics import Array, Measures, namespace
-from softgym_mj.robots.factory import CUP_ACTORS
-from softgym_mj.tasks.shared import entries, pouring
-from softgym_mj.tasks.shared.base import Task
-from softgym_mj.tasks.shared.entries import Entries, Entry, numbers
+from softgym_mj.tasks.shared.entries import CUP_SIZE, Entries, Entry, numbers
 from softgym_mj.tasks.shared.goals import Goals, as_points
+from softgym_mj.tasks.shared.pouring import PouringTask, fractions
 from softgym_mj.tasks.shared.settings import CupTaskSettings
 from softgym_mj.tasks.shared.state import Episode, State
 from softgym_mj.variations.indices import generator
@@ -36,14 +34,12 @@ class PourGoals(Goals):
         xp = namespace(full)
         poses, shapes = {}, {}
         for k, (name, wall) in enumerate(self._walls.items()):
-            x, z, angle, *size = (
-                full[..., end + entries.CUP_SIZE * k + i] for i in range(entries.CUP_SIZE)
-            )
+            x, z, angle, *size = (full[..., end + CUP_SIZE * k + i] for i in range(CUP_SIZE))
             none, half = xp.zeros_like(x), angle / 2
             turn = xp.cos(half), none, xp.sin(half), none  # About +Y.
             poses[name] = metrics.columns(x, none, z, *turn, angle)
             shapes[name] = {"size": metrics.columns(*size, xp.ones_like(x) * wall)}
-        level, share = (full[..., end + entries.CUP_SIZE * len(self._walls) + i] for i in range(2))
+        level, share = (full[..., end + CUP_SIZE * len(self._walls) + i] for i in range(2))
         nothing = full[..., :0]
         state = State(
             {"water": water}, {"water": xp.any(water != 0, axis=-1)}, poses, nothing, nothing
@@ -62,7 +58,7 @@ class PourGoals(Goals):
         }
 
     def achieved(self, state: State, episode: Episode) -> Array:
-        return pouring.fractions(state, episode)["poured"][..., None]
+        return fractions(state, episode)["poured"][..., None]
 
     def desired(self, state: State, episode: Episode) -> Array:
         number = state.present["water"].sum(axis=-1)
@@ -72,7 +68,7 @@ class PourGoals(Goals):
         return -abs(desired - achieved)[..., 0]
 
 
-class PourWaterAmount(Task):
+class PourWaterAmount(PouringTask):
     """Pour a given share of the water of one cup into another.
 
     Goal: a share t of the water in the target cup, uniform in 0.1 to 1. A red bar on the target's
@@ -101,16 +97,9 @@ class PourWaterAmount(Task):
     summary = "Pour a given share of the water of one cup into another."
     difficulty, material = "hard", "water"
     success = 0.9  # Our choice: a tenth of the share may be missing or too much.
-    actors, view, reset_height = CUP_ACTORS, "pour_water", 0.0
-    planning_horizon, softgym_name, hidden_goal = 40, "PourWaterAmount", True
-    goals = PourGoals
+    softgym_name, hidden_goal, goals = "PourWaterAmount", True, PourGoals
 
-    def __init__(
-        self,
-        *,
-        fidelity: str = "default",
-        **settings: Unpack[CupTaskSettings],
-    ):
+    def __init__(self, *, fidelity: str = "default", **settings: Unpack[CupTaskSettings]):
         """Builds the task.
 
         Args:
@@ -118,16 +107,8 @@ class PourWaterAmount(Task):
             **settings: entries of `CupTaskSettings`;
                 `help("softgym_mj.tasks.shared.settings")` explains them.
         """
-        actor = settings.get("actor")
-        start, self.water, self.cup, self.target, tool = pouring.parts(actor, fidelity)
         self._mark = LevelMark()
-        objects, marks = (self.water, self.target), (self._mark,)
-        super().__init__(objects, start, tool=tool, marks=marks, **settings)
-        self.water.confine(self.cup.body, self.target.body)
-
-    def arrange(self, random: np.random.Generator) -> None:
-        pouring.stand(self.target, self.variation)
-        super().arrange(random)
+        super().__init__(fidelity, marks=[self._mark], **settings)
 
     def goal(self, variation: int, points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Returns the fraction `share` of the water to pour and the bar's height `level` [m]."""
@@ -143,7 +124,7 @@ class PourWaterAmount(Task):
         self._mark.draw(near, float(goal["level"]), self.target.size.width)
 
     def measure(self, state: State, episode: Episode) -> Measures:
-        shares, share = pouring.fractions(state, episode), episode.goal["share"]
+        shares, share = fractions(state, episode), episode.goal["share"]
         number = state.present["water"].sum(axis=-1)
         missing = number * share // 1 / number - shares["poured"]
         rewards = {"missing": -abs(missing)}
@@ -153,10 +134,10 @@ class PourWaterAmount(Task):
         return episode.initial_performance, 0.0
 
     def reduced(self, state: State, episode: Episode) -> Entries:
-        return {**pouring.reduced(state, episode), **_goal_entries(episode)}
+        return {**super().reduced(state, episode), **_goal_entries(episode)}
 
     def extra_state(self, state: State, episode: Episode) -> Entries:
-        return {**entries.cups(state, episode), **_goal_entries(episode)}
+        return {**super().extra_state(state, episode), **_goal_entries(episode)}
 
 
 def _goal_entries(episode: Episode) -> dict[str, Entry]:

@@ -58,12 +58,7 @@ class TransportWater(Task):
     actors, view, reset_height = CUP_ACTORS, "transport_water", 0.0
     planning_horizon, softgym_name = 7, "PassWater"
 
-    def __init__(
-        self,
-        *,
-        fidelity: str = "default",
-        **settings: Unpack[CupTaskSettings],
-    ):
+    def __init__(self, *, fidelity: str = "default", **settings: Unpack[CupTaskSettings]):
         """Builds the task.
 
         Args:
