@@ -50,6 +50,11 @@ Ray = Annotated[
     str | None,
     typer.Option(help="Ray cluster: address, auto, or local (starts one of --jobs cores)."),
 ]
+Jobs = Annotated[int, typer.Option(help="Worker processes.", min=1)]
+Device = Annotated[
+    str, typer.Option(help="Simulation device: cpu (by --jobs), host or cuda (all at once).")
+]
+Split = Annotated[str, typer.Option(help="train, evaluate or all.")]
 CableRecordings = Annotated[
     pathlib.Path | None, typer.Argument(help="Folder data_set of the recordings (docs/reality.md).")
 ]

@@ -8,10 +8,13 @@ import typer
 
 from softgym_mj.cli.console import (
     Actor,
+    Device,
     Grasp,
+    Jobs,
     Look,
     Ray,
     Settings,
+    Split,
     Task,
     Trust,
     console,
@@ -34,11 +37,9 @@ def generate(
     task: Task,
     start: Annotated[int, typer.Option(help="First variation.")] = 0,
     num: Annotated[int, typer.Option(help="Number of variations.", min=1)] = NUM_VARIATIONS,
-    jobs: Annotated[int, typer.Option(help="Worker processes.")] = 1,
+    jobs: Jobs = 1,
     ray: Ray = None,
-    device: Annotated[
-        str, typer.Option(help="Device: cpu (by --jobs), host or cuda (many at once).")
-    ] = "cpu",
+    device: Device = "cpu",
     fidelity: Annotated[str, typer.Option(help="Resolution of cloth and water.")] = "default",
 ) -> None:
     """Generates settled initial states in the cache. The same command continues a stopped one."""
@@ -64,7 +65,7 @@ def record(
     ] = "scripted",
     actor: Actor = None,
     grasp: Grasp = None,
-    split: Annotated[str, typer.Option(help="train, evaluate or all.")] = "train",
+    split: Split = "train",
     episodes: Annotated[int, typer.Option(help="Variations to play, one after the other.")] = 10,
     start: Annotated[
         int | None, typer.Option(help="First variation; the split's first if not given.")
@@ -92,7 +93,7 @@ def record(
             help="Standard deviation of noise on actions; infos have the expert's own actions."
         ),
     ] = 0.0,
-    jobs: Annotated[int, typer.Option(help="Worker processes.")] = 1,
+    jobs: Jobs = 1,
     dataset: Annotated[
         str | None,
         typer.Option(help="Id; softgym_mj/TASK/POLICY[-ACTOR][-GRASP][-NOISE]-v0 if not given."),

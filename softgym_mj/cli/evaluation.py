@@ -12,7 +12,9 @@ import typer
 
 from softgym_mj.cli.console import (
     Actor,
+    Device,
     Grasp,
+    Jobs,
     Ray,
     Settings,
     Task,
@@ -62,11 +64,9 @@ def evaluate(
     iterations: Annotated[int, typer.Option(help="Iterations of a planner.")] = ITERATIONS,
     replan_every: Annotated[int, typer.Option(help="Env steps between two plans.")] = 1,
     settings: Settings = "{}",
-    jobs: Annotated[int, typer.Option(help="Worker processes.", min=1)] = 1,
+    jobs: Jobs = 1,
     ray: Ray = None,
-    device: Annotated[
-        str, typer.Option(help="Simulation device: cpu (by --jobs), host or cuda (all at once).")
-    ] = "cpu",
+    device: Device = "cpu",
     out: Annotated[pathlib.Path, typer.Option(help="Folder of this evaluation.")] = pathlib.Path(
         "evaluation"
     ),

@@ -7,7 +7,7 @@ import rich.box
 import rich.table
 import typer
 
-from softgym_mj.cli.console import Ray, Trust, console
+from softgym_mj.cli.console import Device, Jobs, Ray, Trust, console
 from softgym_mj.exceptions import StoreError
 from softgym_mj.storage.files import write_csv
 
@@ -118,11 +118,9 @@ def submit(
         pathlib.Path, typer.Argument(help="Folder with card.json and policy_SEED.pt2 files.")
     ],
     trust: Trust = False,
-    jobs: Annotated[int, typer.Option(help="Worker processes.", min=1)] = 1,
+    jobs: Jobs = 1,
     ray: Ray = None,
-    device: Annotated[
-        str, typer.Option(help="Simulation device: cpu (by --jobs), host or cuda (all at once).")
-    ] = "cpu",
+    device: Device = "cpu",
 ) -> None:
     """Scores policies trained elsewhere; writes the curve that `table --merge` reads.
 
