@@ -173,11 +173,8 @@ class _Copying(Copy):
 class CudaDevice(Device):
     """CUDA device; steps run in order on PyTorch's current stream."""
 
-    def __init__(self, index: int = 0):
-        """Opens a device.
-
-        Args:
-            index: Index of the CUDA device.
+    def __init__(self):
+        """Opens the first CUDA device.
 
         Raises:
             UnavailableError: If there is no such device, or PyTorch cannot use it.
@@ -191,7 +188,7 @@ class CudaDevice(Device):
             ) from error
         if not torch.cuda.is_available():
             raise UnavailableError("there is no CUDA device that PyTorch can use")
-        self._torch, self.xp, self.xp_device = torch, xp, torch.device("cuda", index)
+        self._torch, self.xp, self.xp_device = torch, xp, torch.device("cuda", 0)
         self._graphs: dict[str, tuple[Any, Any, Any]] = {}  # Keys, graphs, results.
 
     def max_slots(self, kind: str, size: int) -> int:

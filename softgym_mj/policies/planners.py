@@ -9,7 +9,7 @@ from collections.abc import Generator
 
 import numpy as np
 
-from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name, check_number
+from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.registry import find
 
 BUDGET = 21_000  # Env steps per decision, over all iterations (paper).
@@ -50,13 +50,7 @@ class CEM:
     Samples are independent over time; the last mean is executed.
     """
 
-    def __init__(
-        self,
-        horizon: int,
-        budget: int = BUDGET,
-        iterations: int = ITERATIONS,
-        variance: float = VARIANCE,
-    ):
+    def __init__(self, horizon: int, budget: int = BUDGET, iterations: int = ITERATIONS):
         """Splits the simulated env steps of a decision evenly over the iterations.
 
         Raises:
@@ -65,8 +59,7 @@ class CEM:
         check_count("horizon", horizon, 1)
         check_count("iterations", iterations, 1)
         check_count("budget", budget, 1, MOST_BUDGET)
-        check_number("variance", variance, gt=0.0, le=1.0)
-        self.horizon, self.iterations, self.variance = horizon, iterations, variance
+        self.horizon, self.iterations = horizon, iterations
         self.population = budget // iterations // horizon
         if self.population < MIN_POPULATION:
             least = MIN_POPULATION * iterations * horizon
@@ -94,7 +87,7 @@ class CEM:
 
         The first population has the mean `guess` (horizon, size).
         """
-        mean, variance = guess, np.full_like(guess, self.variance)
+        mean, variance = guess, np.full_like(guess, VARIANCE)
         best, best_return, steps = guess, -np.inf, 0
         kept_elites = np.empty((0, *guess.shape))
         count = max(1, int(ELITES * self.population))
