@@ -43,7 +43,7 @@ class InvalidArgumentError(SoftGymError, ValueError):
         if len(shown) > _SHOWN:
             shown = f"{shown[:_SHOWN]}..."
         if isinstance(valid, str):
-            return f"{argument}={shown} is refused; valid: {valid}."
+            return f"{argument}={shown} is not valid: expected {valid}."
         choices = ", ".join(repr(name) for name in valid)
         return f"{argument}={shown} is unknown; valid choices: {choices}."
 
@@ -58,7 +58,7 @@ class UnexpectedArgumentError(SoftGymError, TypeError):
 
 
 class SnapshotError(SoftGymError, ValueError):
-    """Snapshot of another environment, or an object that is no snapshot."""
+    """Snapshot of another environment, or an object that is not a snapshot."""
 
 
 class LifecycleError(SoftGymError, RuntimeError):

@@ -49,12 +49,15 @@ def namespace(array: Array) -> Any:
     return np if isinstance(array, np.ndarray) else array_api_compat.array_namespace(array)
 
 
-def constant(values: Any, beside: Array) -> Array:
-    """Returns numbers (...) as an array on the device of another one; each is copied there once."""
+def constant(values: Any, like: Array) -> Array:
+    """Returns numbers (...) as an array of the library and on the device of `like`.
+
+    Copies on a device are cached.
+    """
     numbers = np.asarray(values)
-    if isinstance(beside, np.ndarray):
+    if isinstance(like, np.ndarray):
         return numbers
-    return _constant(numbers.tobytes(), numbers.shape, numbers.dtype, beside.device)
+    return _constant(numbers.tobytes(), numbers.shape, numbers.dtype, like.device)
 
 
 @functools.cache

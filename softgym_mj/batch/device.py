@@ -65,7 +65,7 @@ class Device(Protocol):
         """
 
     def step(self, kind: str, batch: Any, num_slots: int, size: int) -> None:
-        """Makes, or begins, a step of all environments of a batch.
+        """Steps all environments of a batch; a GPU only starts the step.
 
         Args:
             kind: Kind of the solver, "cloth" or "fluid", or "pictures".

@@ -123,7 +123,9 @@ def record(
         if name in chosen:
             raise InvalidArgumentError("settings", settings, f"arguments of the task; not {name!r}")
     if task == ALL and dataset is not None:
-        raise InvalidArgumentError("dataset", dataset, "none with all tasks, as ids name the task")
+        raise InvalidArgumentError(
+            "dataset", dataset, "None with all tasks: their ids contain the task"
+        )
     how: dict[str, Any] = {
         "policy": policy_file(policy),
         "format": format,

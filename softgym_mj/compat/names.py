@@ -82,7 +82,7 @@ class ReplacedError(SoftGymError, AttributeError):
 
 
 class Table(dict[str, Any]):
-    """Dict by SoftGym's names; errors for missing names name the replacement."""
+    """Dict with SoftGym's names as keys; the error for a missing key names its replacement."""
 
     def __missing__(self, key: str) -> Any:
         raise ReplacedError(key, REPLACED.get(key, f"one of {', '.join(self)}"))

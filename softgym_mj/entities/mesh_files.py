@@ -60,8 +60,8 @@ def read_mesh(file: str | os.PathLike, scale: float = 1.0) -> tuple[np.ndarray, 
         )
     if dropped:
         warnings.warn(
-            f"{path.name}: {dropped} triangles without an area or there twice are left out of "
-            f"{dropped + len(triangles)}",
+            f"{path.name}: dropped {dropped} of {dropped + len(triangles)} triangles: zero area "
+            "or duplicates",
             stacklevel=2,
         )
     return points, triangles
@@ -91,9 +91,8 @@ def _check_size(path: pathlib.Path, size: float, scale: float) -> None:
     found = {unit: factor for unit, factor in UNITS.items() if low <= factor * size <= high}
     guess = " or ".join(f"{unit}: pass scale={scale * f:g}" for unit, f in found.items())
     raise InvalidArgumentError(
-        f"{path.name} is {size:.4g} m large with scale={scale:g}; expected {SMALLEST} to {LARGEST} "
-        "m. "
-        + (f"It looks like {guess}." if guess else "Pass meters in a unit of the file as `scale`.")
+        f"{path.name} measures {size:.4g} m with scale={scale:g}; expected {SMALLEST} to {LARGEST} "
+        "m. " + (f"It looks like {guess}." if guess else "Pass its unit in meters as `scale`.")
     )
 
 

@@ -90,7 +90,7 @@ class View:
         overview_with_arms: the other fixed camera if there are arms.
         middle: X [m] of the middle of the scene; shadows reach 1.2 m around it.
         target: (x, y, z) [m] at which the external cameras look.
-        radius: radius [m] of the ball around it that they see completely.
+        radius: radius [m] of the ball around it that they show whole.
     """
 
     camera: CameraPose

@@ -42,7 +42,7 @@ def check_origin(snapshot: Snapshot, task_name: str, key: Mapping[str, object]) 
         raise SnapshotError(f"the snapshot is damaged: {error}") from error
     if snapshot.task_name != task_name:
         raise SnapshotError(
-            f"the snapshot is of task {snapshot.task_name!r}, this one is {task_name!r}"
+            f"the snapshot is of task {snapshot.task_name!r}, the environment of {task_name!r}"
         )
     differ = [
         f"{name}={snapshot.key.get(name)!r} against {key.get(name)!r}"

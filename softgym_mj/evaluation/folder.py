@@ -28,15 +28,15 @@ def open_folder(path: pathlib.Path, configuration: Mapping[str, Any]) -> Store:
     differ = store.differences()
     result = {} if store.is_empty() or not file.exists() else read_json(file)
     if not differ and result.get("specification", store.digest) != store.digest:
-        raise StoreError(f"{file} is of another evaluation; delete it")
+        raise StoreError(f"{file} belongs to another evaluation; delete it")
     known, hashes = result.get("policy_sha256", {}), configuration["policy_sha256"]
     changed = [name for name, value in hashes.items() if known.get(name, value) != value]
     if changed:
         differ.append(f"content of {', '.join(changed)}")
     if differ:
         raise StoreError(
-            f"{path} holds an evaluation with another {', '.join(differ)}: pass --out with a new "
-            f"folder, such as --out {path}_2, or delete {path}"
+            f"{path} holds an evaluation with different {', '.join(differ)}: choose a new folder, "
+            f"such as --out {path}_2, or delete {path}"
         )
     store.claim()
     write_json(file, {"specification": store.digest, "policy_sha256": known | hashes})

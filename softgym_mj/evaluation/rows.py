@@ -26,7 +26,7 @@ MOST = 1056  # Episodes per batch; larger batches need more memory and are store
 def check_policy(policy: str, device: str) -> None:
     """Raises `InvalidArgumentError` for a policy that reads more than observations."""
     if policy not in ("random", "zero") and not policy.endswith(SUFFIX):
-        valid = f"'cpu' for {policy!r}, which reads the simulation"
+        valid = f"'cpu' for {policy!r}, which reads the simulation state"
         raise InvalidArgumentError("device", device, valid)
 
 

@@ -1,4 +1,4 @@
-"""Runs an evaluation; an interrupted one continues and gives the same result, byte for byte.
+"""Runs an evaluation; an interrupted one continues and returns the same result, byte for byte.
 
 Every episode is a pure function of the configuration, its variation and its seed.
 """

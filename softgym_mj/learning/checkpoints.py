@@ -105,7 +105,7 @@ def differences(saved: Mapping[str, Any], own: Mapping[str, Any]) -> str:
 
 
 def moved(value: Any, device: str) -> Any:
-    """Returns tensors, or tuples, lists and dicts of them, on a device."""
+    """Copies tensors, or tuples, lists and dicts of tensors, to a device."""
     if isinstance(value, Tensor):
         return value.to(device)
     if isinstance(value, dict):

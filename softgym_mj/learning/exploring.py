@@ -18,7 +18,7 @@ _PARTS = 1_000_003  # Separates the seeds of environments of different parts.
 def problem_of(
     settings: TrainingSettings, method: Method, seeds: Sequence[int], envs: Any, device: str
 ) -> Problem:
-    """Returns the learning problem of environments, on a PyTorch device.
+    """Returns the learning problem of vector environments: sizes, seeds and PyTorch device.
 
     Raises:
         InvalidArgumentError: for several observations, unless the method supports them.

@@ -31,12 +31,14 @@ def join(folders: Sequence[pathlib.Path], out: pathlib.Path) -> list[int]:
         for name in _SAME:
             if own.get(name) != card.get(name):
                 where = f"{name} in {folder / CARD} and in {first / CARD}"
-                raise StoreError(f"trainings are not joined: {where} differ")
+                raise StoreError(f"cannot join trainings: {where} differ")
         if own.get("env_steps") != own["evaluations"][-1]:
-            raise StoreError(f"trainings cannot be joined: {folder} has not ended")
+            raise StoreError(f"cannot join trainings: {folder} has not ended")
         for seed in own["seeds"]:
             if seed in of:
-                raise StoreError(f"trainings are not joined: {of[seed]} and {folder} have {seed=}")
+                raise StoreError(
+                    f"cannot join trainings: {of[seed]} and {folder} both have {seed=}"
+                )
             of[seed] = folder
     make_folder(out)
     seeds = sorted(of)

@@ -17,7 +17,7 @@ def make_log(name: str, folder: pathlib.Path) -> Log:
     """Returns a callback for `Training.run` that logs losses (seeds,) and the curve.
 
     Args:
-        name: One of `LOGS`; "wandb" sends data to the server of its own settings.
+        name: One of `LOGS`; "wandb" uploads to the server that it is configured for.
         folder: Folder of the training.
 
     Raises:

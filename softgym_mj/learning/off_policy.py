@@ -58,14 +58,14 @@ class OffPolicySettings:
             check_count(name, getattr(self, name), 1)
         check_count("random_steps", self.random_steps, 0)
         if self.final_discount is not None and not self.discount <= self.final_discount < 1.0:
-            valid = f"{self.discount} to below 1"
+            valid = f"at least discount={self.discount} and below 1"
             raise InvalidArgumentError("final_discount", self.final_discount, valid)
         if not 0 <= self.discount_schedule[0] < self.discount_schedule[1]:
             raise InvalidArgumentError(
-                "discount_schedule", self.discount_schedule, "from one number to a larger one"
+                "discount_schedule", self.discount_schedule, "two increasing numbers, 0 or more"
             )
         if self.symmetrize_policy and not self.symmetric:
-            raise InvalidArgumentError("symmetrize_policy", True, "False, where symmetric is")
+            raise InvalidArgumentError("symmetrize_policy", True, "False with symmetric=False")
 
     def discount_at(self, env_steps: int) -> float:
         """Returns the discount after `env_steps` env steps."""
@@ -136,7 +136,7 @@ class OffPolicy:
         self._best: Callable[[Tensor], Tensor] = functools.partial(algorithm.act, explore=False)
         if settings.symmetrize_policy:
             if problem.observed not in ("reduced", "markov"):
-                valid = "'reduced' or 'markov', to be averaged"
+                valid = "'reduced' or 'markov' with symmetrize_policy=True"
                 raise InvalidArgumentError("observation", problem.observed, valid)
             self._best = SymmetrizedPolicy(self._best, self._symmetries, problem.device)
         self.replay = replay(
@@ -147,7 +147,7 @@ class OffPolicy:
         )  # fmt: skip
         self._noise = generators(problem.seeds, problem.device)
         if settings.updates % algorithm.period:
-            valid = f"{algorithm.period} times a number: some updates differ from others"
+            valid = f"a multiple of {algorithm.period}, after which the kinds of updates repeat"
             raise InvalidArgumentError("updates", settings.updates, valid)
         self._few = CudaGraph(self._update, [*self.replay.sources, *algorithm.sources])
         self._seen = 0  # Env steps of each seed so far.

@@ -161,7 +161,7 @@ def _read(file: pathlib.Path, kind: type[_T]) -> list[_T]:
                 optional = not cell and type(None) in getattr(field.type, "__args__", ())
                 values.append(None if optional else parser(cell))
             except (LookupError, ValueError):
-                message = f"{where}: {field.name}={cell!r} is refused; valid: {valid}"
+                message = f"{where}: {field.name}={cell!r} is not valid: expected {valid}"
                 raise StoreError(message) from None
         result.append(kind(*values))
     return result

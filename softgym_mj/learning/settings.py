@@ -66,7 +66,7 @@ class TrainingSettings:
     def __post_init__(self):
         for name, own in _OWN.items():
             if name in self.arguments:
-                valid = f"other arguments of the task; the setting of a training for it is {own}"
+                valid = f"other arguments of the task; trainings set this one by {own}"
                 raise InvalidArgumentError("task settings", name, valid)
         find(self.task).check_arguments(self.arguments)
         if isinstance(self.observation, str):
@@ -81,12 +81,12 @@ class TrainingSettings:
         for name in ("env_steps", "part"):
             if getattr(self, name) % self.num_envs:
                 raise InvalidArgumentError(
-                    name, getattr(self, name), f"{self.num_envs} times a number (num_envs)"
+                    name, getattr(self, name), f"a multiple of num_envs={self.num_envs}"
                 )
         if self.learned_steps is not None:
             check_count("learned_steps", self.learned_steps, 1)
         if self.env_steps % self.part:
-            valid = f"{self.part} times a number (part)"
+            valid = f"a multiple of part={self.part}"
             raise InvalidArgumentError("env_steps", self.env_steps, valid)
 
     @property

@@ -66,10 +66,10 @@ def read_submission(folder: pathlib.Path) -> Submission:
     card, file = read_json(folder / CARD), folder / CARD
     for key, (kind, valid) in _VALID.items():
         if not isinstance(card.get(key), kind) or isinstance(card[key], bool):
-            raise StoreError(f"{file}: {key}={card.get(key)!r} is refused; valid: {valid}")
+            raise StoreError(f"{file}: {key}={card.get(key)!r} is not valid: expected {valid}")
     for key in ("seeds", "evaluations"):
         if not card[key] or not all(type(each) is int and each >= 0 for each in card[key]):
-            raise StoreError(f"{file}: {key}={card[key]!r} is refused; valid: {_VALID[key][1]}")
+            raise StoreError(f"{file}: {key}={card[key]!r} is not valid: expected {_VALID[key][1]}")
     training, seeds = card["training"], tuple(card["seeds"])
     if missing := [key for key in _TRAINING if key not in training]:
         raise StoreError(f"{file}: training lacks {', '.join(missing)}")

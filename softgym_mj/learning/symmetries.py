@@ -50,7 +50,7 @@ def symmetries(env: Environment) -> list[Symmetry]:
     """
     task = env.task
     if not task.symmetries:
-        valid = "one whose class has `symmetries`; or set symmetric to False"
+        valid = "a task whose class defines `symmetries`; or set symmetric to False"
         raise InvalidArgumentError("task", env.name, valid)
     if task.actor.name != "picker":
         raise InvalidArgumentError("actor", task.actor.name, "'picker'")
@@ -86,7 +86,9 @@ def _of_observation(
     starts = np.cumsum([0, *(np.size(entry.values) // 3 for _, entry in each)]).tolist()
     for i, (name, entry) in enumerate(each):
         if entry.kind == "numbers":
-            raise InvalidArgumentError("reduced", name, "points alone, to be turned")
+            raise InvalidArgumentError(
+                "reduced", name, "points only: other numbers cannot be rotated"
+            )
         if i not in own or order == "same":
             places += range(starts[i], starts[i + 1])
         elif order == "reversed":
@@ -94,7 +96,7 @@ def _of_observation(
         elif entry.kind == "point" and len(own) == len(_CORNERS[order]):
             places.append(starts[own[_CORNERS[order][own.index(i)]]])
         else:
-            valid = f"a point of each of four corners, to be in the order {order!r}"
+            valid = f"one point for each of four corners, as order {order!r} needs"
             raise InvalidArgumentError("reduced", name, valid)
     places += [starts[-1] + k for k in pickers]
     return _blocks([turn] * len(places), places)

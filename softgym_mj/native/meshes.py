@@ -203,7 +203,7 @@ def water_mesh(
     )  # fmt: skip
     if failed == 1:
         raise InvalidArgumentError(
-            "most_triangles", most_triangles, f"more, for {len(positions)} particles like these"
+            "most_triangles", most_triangles, f"more for these {len(positions)} particles"
         )
     if failed:
         raise MemoryError

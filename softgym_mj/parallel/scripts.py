@@ -13,8 +13,9 @@ _STARTING = threading.Lock()  # Held by the thread that starts processes.
 def unknown_main() -> Iterator[None]:
     """Prevents processes that start in this context from running the program's script again.
 
-    Functions of the script are pickled by value. So scripts need no `if __name__ == "__main__":`,
-    scripts without a file (stdin) work, and workers do not import what the script imports.
+    Functions of the script are pickled by value. Therefore scripts need no
+    `if __name__ == "__main__":`, scripts from stdin work, and workers do not import the script's
+    modules.
     """
     with _STARTING:
         main, sys.modules["__main__"] = sys.modules["__main__"], types.ModuleType("__main__")

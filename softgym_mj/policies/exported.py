@@ -100,7 +100,7 @@ def _note(name: str) -> dict[str, Any]:
         seen = observation if isinstance(observation, str) else [*map(str, observation)]
         sized = {"image_size": [*result["image_size"]]} if has_images(seen) else {}
     except (ValueError, LookupError, TypeError, AttributeError, zipfile.BadZipFile) as error:
-        message = f"policy={name!r}: what it observes cannot be read from it or {card}: {error!r}"
+        message = f"policy={name!r}: its observation cannot be read from it or {card}: {error!r}"
         raise InvalidArgumentError(message) from error
     return {"observation": seen, **sized, "frames": frames}
 
@@ -142,7 +142,7 @@ def load_exported(file: str, env: Environment, trust: bool) -> Policy:
         action = np.asarray(action, float).reshape(-1)
         if action.shape != (size,):
             raise InvalidArgumentError(
-                f"policy={file!r} gives {action.size} numbers; an action has {size}"
+                f"policy={file!r} returns {action.size} numbers; an action has {size}"
             )
         return np.clip(action, -1.0, 1.0)
 

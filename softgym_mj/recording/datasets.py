@@ -95,7 +95,7 @@ class Format(abc.ABC):
     def check_signed(self, *signed: str | None) -> None:
         """Raises `InvalidArgumentError` for an author if the format does not store one."""
         if not self.is_signed and any(word is not None for word in signed):
-            valid = "None: what Hugging Face shows is said when a dataset is published"
+            valid = "None: Hugging Face asks for them when a dataset is published"
             raise InvalidArgumentError("author, author_email, code_permalink", signed, valid)
 
     def place(self, dataset: str) -> pathlib.Path:
@@ -134,7 +134,7 @@ class Format(abc.ABC):
         own = json.loads(json.dumps(made_of))  # JSON has no tuples.
         if differ := [name for name in {**own, **result} if result.get(name) != own.get(name)]:
             raise StoreError(
-                f"dataset={dataset!r} exists, with another {', '.join(differ)}; choose another "
+                f"dataset={dataset!r} exists with different {', '.join(differ)}; choose another "
                 f"id, or delete {place}"
             )
         return True

@@ -96,7 +96,7 @@ class LeRobot(Format):
         try:
             hub.validate_repo_id(dataset)
         except ValueError as error:
-            valid = f"as of a dataset on Hugging Face, such as 'me/rope' ({error})"
+            valid = f"a Hugging Face dataset id such as 'me/rope' ({error})"
             raise InvalidArgumentError("dataset", dataset, valid) from None
 
     def root(self) -> pathlib.Path:
@@ -106,7 +106,7 @@ class LeRobot(Format):
     def check_observed(self, env: gymnasium.Env) -> None:
         observed = _played(env).observation_spec()
         if len(states := [name for name in _STATES if name in observed]) > len(_PLACES):
-            valid = f"{len(_PLACES)} of {', '.join(states)}: LeRobot has no more places for states"
+            valid = f"{len(_PLACES)} of {', '.join(states)}: LeRobot stores no more states"
             raise InvalidArgumentError("observation", tuple(observed), valid)
         for spec in observed.values():
             height, width = spec.shape[-3:-1] if _is_seen(spec.dtype, len(spec.shape)) else (0, 0)

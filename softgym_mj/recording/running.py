@@ -190,7 +190,9 @@ def _evaluation_spec(env: gymnasium.Env, settings: dict[str, Any]) -> str:
     try:
         return spec.to_json()
     except TypeError as error:
-        raise InvalidArgumentError("settings", settings, f"what JSON can hold ({error})") from None
+        raise InvalidArgumentError(
+            "settings", settings, f"values that JSON can store ({error})"
+        ) from None
 
 
 def _with_module(record: registry.TaskRecord) -> str:

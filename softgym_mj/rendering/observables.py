@@ -68,7 +68,7 @@ class LabeledView(CameraView):
         return np.where(through, behind, labels), np.where(through, further, depth)
 
     def _read(self, model: mujoco.MjModel) -> None:
-        """Notes what is what in a model."""
+        """Reads which geoms, skins and flexes of a model have which label."""
         if model is not self._model:
             self._model = model
             self._labels = geom_labels(model, self._parts())

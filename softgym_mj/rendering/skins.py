@@ -62,7 +62,7 @@ class SkinFile(mjcf.Asset):
         for name, bone in zip(self._bodies(), self._weights, strict=True):
             encoded = name.encode()
             if len(encoded) >= NAME_BYTES:
-                raise ValueError(f"the name of a body, {name!r}, is longer than a skin's may be")
+                raise ValueError(f"body name {name!r} is too long for a skin")
             parts += [encoded.ljust(NAME_BYTES, b"\0"), bone]
         return b"".join(parts)
 

@@ -107,7 +107,7 @@ class Actor(abc.ABC):
 
     @abc.abstractmethod
     def proprioception(self) -> np.ndarray:
-        """Returns the actor's own state (n,), which states end with unless they list it already."""
+        """Returns the actor's own state (n,), the end of state observations that do not list it."""
 
     @property
     @abc.abstractmethod

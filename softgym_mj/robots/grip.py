@@ -54,7 +54,7 @@ class GripLimits(NamedTuple):
 
 
 def remembered(state: GripState) -> Array:
-    """Returns for n grippers whether each holds, and the vertex's offset [m], else 0: (..., 4n).
+    """Returns (..., 4n): for each gripper, 1 or 0 for holding, and the held vertex's offset [m].
 
     -1 marks a gripper that lost its hold and takes nothing until it has opened.
     """

@@ -86,7 +86,7 @@ def shown_points(view: Array, pixels: Array, height: Array) -> Array:
 def routes(
     start: Array, points: Array, actions: Array, low: Array, high: Array
 ) -> list[tuple[Array, Array]]:
-    """Returns displacements per sim step (..., 1, 3) [m] and numbers of sim steps (...) of parts.
+    """Returns displacements per sim step (..., 1, 3) [m] and sim steps (...) of each part.
 
     Args:
         start: positions of pixel pickers (..., 1, 3) [m].
@@ -109,7 +109,7 @@ def routes(
 
 
 class RoutePicker(Picker):
-    """Picker whose action is a route with as many sim steps as it needs."""
+    """Picker whose action is a route; an env step lasts until the route ends."""
 
     horizon = 20
     sim_steps = 0

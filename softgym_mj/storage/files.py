@@ -87,7 +87,7 @@ def read_json(file: pathlib.Path) -> dict[str, Any]:
     """Returns the JSON object in a file.
 
     Raises:
-        StoreError: if it is no JSON object.
+        StoreError: if it is not a JSON object.
     """
     with naming(file, "read"):
         content = json.loads(read_whole(file))

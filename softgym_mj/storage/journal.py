@@ -25,7 +25,7 @@ class Journal:
         content = read_whole(self._file) if os.path.lexists(self._file) else b""
         lines = content[: content.rfind(b"\n") + 1].splitlines(keepends=True) or [self._first]
         if lines[0] != self._first:
-            raise StoreError(f"{self._file} is of other work: {lines[0]!r}; delete it")
+            raise StoreError(f"{self._file} belongs to other work, {lines[0]!r}; delete it")
         if content != b"".join(lines):
             write_whole(self._file, b"".join(lines))
         with naming(self._file, "read"):

@@ -24,7 +24,9 @@ class PourGoals(Goals):
     def __init__(self, task: Any):
         super().__init__(task)
         if task.actor.name != "cup":
-            raise InvalidArgumentError("actor", task.actor.name, "'cup', whose full state has all")
+            raise InvalidArgumentError(
+                "actor", task.actor.name, "'cup': goals are read from its full state"
+            )
         # Equal in all variations.
         self._walls = {"cup": task.cup.size.wall, "target": task.target.size.wall}
 

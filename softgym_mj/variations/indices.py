@@ -85,5 +85,5 @@ def check_settings(settings: Mapping[str, Any]) -> None:
     """Raises `InvalidArgumentError` for settings that variations determine."""
     for name in ("split", "random_state"):
         if name in settings:
-            valid = f"arguments of the task; not {name!r}, the variations say what is played"
+            valid = f"arguments of the task; not {name!r}, which `variations` determines"
             raise InvalidArgumentError("settings", dict(settings), valid)

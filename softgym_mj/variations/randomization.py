@@ -191,7 +191,9 @@ def _sheets(named: Mapping[str, Parameter]) -> tuple[str, ...]:
     starts = [name.removesuffix("bend_weft") for name in named if name.endswith("bend_weft")]
     sheets = tuple(s for s in starts if all(s + own in named for own in fabric_statistics.RANGES))
     if not sheets:
-        raise InvalidArgumentError("domain", FABRICS, f"of tasks with cloth; else {[*PRESETS]}")
+        raise InvalidArgumentError(
+            "domain", FABRICS, f"one of {[*PRESETS]}; {FABRICS!r} needs a task with cloth"
+        )
     return sheets
 
 

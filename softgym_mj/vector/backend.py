@@ -69,7 +69,7 @@ class Backend(Protocol):
         """
 
     def settle(self) -> None:
-        """Brings `sampler` up to date with the environments, which may be ahead of it."""
+        """Updates `sampler` to the episodes that the environments have started meanwhile."""
         return None
 
     def observe(self) -> Any:

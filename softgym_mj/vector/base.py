@@ -200,7 +200,9 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         if not isinstance(values, (list, tuple)):
             values = [values] * self.num_envs
         if len(values) != self.num_envs:
-            raise InvalidArgumentError("values", values, f"{self.num_envs} of them")
+            raise InvalidArgumentError(
+                "values", values, f"{self.num_envs} values, one per environment"
+            )
         nothing: dict[str, Any] = {}
         arguments = [((name, value), nothing) for value in values]
         self._run(self.backend.call, "set_wrapper_attr", arguments)

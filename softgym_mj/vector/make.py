@@ -50,6 +50,10 @@ def make_vec(
         split: "train", "evaluate", "all" or a sequence of variation indices to draw from.
         **task_kwargs: Arguments of `SoftGymEnv` (render_mode, horizon, observation, actor, ...).
 
+    Returns:
+        The environment; observations, rewards and infos have a leading axis (num_envs,), and
+        actions (num_envs, n) are in [-1, 1].
+
     Raises:
         InvalidArgumentError, UnexpectedArgumentError: If a name or value is invalid.
     """
@@ -71,7 +75,7 @@ def make_vec(
     from softgym_mj.vector.batch.backend import BatchBackend
 
     if context is not None:
-        raise InvalidArgumentError("context", context, "None: no worker processes on this device")
+        raise InvalidArgumentError("context", context, f"None with device={device!r}")
     batch_device = make_device(device, check_count("num_envs", num_envs, 1), num_workers)
     backend = BatchBackend(make(), num_envs, batch_device, make)
     return VectorEnv(backend, variations, AutoresetMode(autoreset_mode))
@@ -88,7 +92,7 @@ def make_device(device: str, num_envs: int, num_workers: int | None = None) -> "
         from softgym_mj.batch.gpu import CudaDevice
 
         if num_workers is not None:
-            raise InvalidArgumentError("num_workers", num_workers, "None: there are none")
+            raise InvalidArgumentError("num_workers", num_workers, "None with device='cuda'")
         return CudaDevice()
     from softgym_mj.batch.device import CpuDevice
     from softgym_mj.vector.processes import num_cores

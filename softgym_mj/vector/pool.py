@@ -79,8 +79,7 @@ class WorkerPool:
             raise LifecycleError("this vector environment was closed: make a new one")
         if os.getpid() != self._owner:
             raise LifecycleError(
-                "this vector environment belongs to the process that this one was forked from: "
-                "make a new one"
+                "this vector environment was made before this process was forked: make a new one"
             )
         result: queue.SimpleQueue = queue.SimpleQueue()
         self._jobs.put((function, args, result))  # In one piece: it is not written in Python.

@@ -66,8 +66,8 @@ class ProcessBackend(Backend):
             pickled = cloudpickle.dumps(make)
         except Exception as error:  # Whatever the classes of the arguments raise.
             raise InvalidArgumentError(
-                f"what makes the environments cannot be sent to worker processes: {error}; an "
-                "argument of theirs, or a custom task, has what cannot be pickled"
+                f"the environments cannot be sent to worker processes: {error}; an argument or the "
+                "custom task cannot be pickled"
             ) from error
         example = make()
         self.observation_space, self.action_space = example.observation_space, example.action_space

@@ -67,7 +67,7 @@ def _reply(message: bytes, *arguments: Any) -> bytes:
         return cloudpickle.dumps((succeeded, answer))
     except Exception as error:  # Whatever the answer's own classes raise.
         name = next((name for name, *_ in calls.values()), "start")
-        reason = f"{type(answer).__name__} of {name!r} cannot leave its worker: {error}"
+        reason = f"{type(answer).__name__} of {name!r} cannot be sent by its worker: {error}"
         return cloudpickle.dumps((False, SoftGymError(reason)))
 
 

@@ -74,7 +74,7 @@ class Keyboard:
     """
 
     def __init__(self, session: Session, right: Callable[[], np.ndarray]):
-        """Binds it to a session; `right` gives the direction (3,) to the right of the picture."""
+        """Binds the keys to a session; `right` returns the picture's right direction (3,)."""
         self._session, self._right = session, right
         self.step, self.driven, self.helping = STEPS[2], [0], True
 

@@ -93,4 +93,4 @@ def guarded(listening: str, allowed: frozenset[str]) -> Iterator[None]:
     finally:
         websockets.serve = serve
     if not served:
-        raise UnavailableError("this version of viser cannot be guarded against other web pages")
+        raise UnavailableError("this version of viser cannot check the origin of connections")

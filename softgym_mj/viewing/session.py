@@ -133,7 +133,7 @@ class Session:
         self._pace.wait(FRAME_STEPS * SIM_STEP)
 
     def advance(self) -> None:
-        """Runs posted functions; if there are none, an env step, or shows a picture if paused.
+        """Runs the posted functions; without any, an env step, or a picture while paused.
 
         A viewer must check `env` afterwards: a posted function may have changed the model.
         """
@@ -168,7 +168,7 @@ class Session:
         return self._timestep.last()
 
     def status(self) -> list[tuple[str, str]]:
-        """Returns names and values of the status as text; reward of the last env step."""
+        """Returns the status as (name, value) texts: variation, policy, time, reward, score."""
         state = "paused" if self.paused else "ended" if self.ended else "running"
         performance = float(self.env.info()["normalized_performance"])
         return [

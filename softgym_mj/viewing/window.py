@@ -101,7 +101,7 @@ class Window:
                 show_right_ui=False,
             )
         except RuntimeError as error:
-            raise UnavailableError(f"{error}; or look on with --browser") from error
+            raise UnavailableError(f"{error}; or use --browser") from error
         with window:
             self._window, self._texts = window, None
             with window.lock():

@@ -58,7 +58,7 @@ def test_the_command_line_disturbs(capsys, monkeypatch):
         own = episode.infos["expert_action"]
         assert own.shape == (4, 8) and not np.array_equal(own, episode.actions)
     assert run("record straighten_rope --noise 2", monkeypatch) == 1
-    assert "noise=2.0 is refused; valid: 0..1" in capsys.readouterr().err
+    assert "noise=2.0 is not valid: expected 0..1" in capsys.readouterr().err
 
 
 def test_all_tasks_by_one_command(capsys, monkeypatch):
@@ -90,15 +90,15 @@ def test_all_tasks_by_one_command(capsys, monkeypatch):
         assert dataset.env_spec.kwargs["task"] == name
     assert run(f"{command} '{{\"horizon\": 3}}'", monkeypatch) == 1
     error = capsys.readouterr().err
-    assert f"dataset='softgym_mj/{names[0]}/zero-v0' exists, with another settings;" in error
+    assert f"dataset='softgym_mj/{names[0]}/zero-v0' exists with different settings;" in error
     assert run("record all --dataset all-v0", monkeypatch) == 1
-    assert "dataset='all-v0' is refused" in capsys.readouterr().err
+    assert "dataset='all-v0' is not valid" in capsys.readouterr().err
 
 
 def test_formats_by_the_command_line(capsys, monkeypatch):
     for options, message in (
         ("--format csv", "format='csv' is unknown; valid choices: 'minari', 'lerobot'"),
-        ("--codec h264", "codec='h264' is refused; valid: None with format='minari'"),
+        ("--codec h264", "codec='h264' is not valid: expected None with format='minari'"),
         ("--format lerobot --codec vp9", "codec='vp9' is unknown; valid choices: 'libsvtav1'"),
         ("--format lerobot --author me", "author, author_email, code_permalink=('me', None, None)"),
     ):

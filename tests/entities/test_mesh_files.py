@@ -50,7 +50,7 @@ def _mesh(name):
         case "collapsed faces":
             extra = [[0, 0, 1], [5, 6, 5], triangles[9], triangles[9][::-1]]
             triangles = np.vstack([triangles, extra])
-            warning = f"4 triangles without an area .* of {len(triangles)}"
+            warning = "dropped 4 of .* triangles"
         case "slim triangles" | "an edge ratio above 4" | "a sliver":
             flex = {
                 "slim triangles": irregular(0),
@@ -157,8 +157,8 @@ def test_all_kinds_of_files_hold_the_same_garment(tmp_path, suffix):
         (SQUARE + "f a b c\n", "trimesh cannot read"),
         (SQUARE.replace(".03", "nan") + "f 1 2 3\n", "finite numbers"),
         (SQUARE + "f 1 1 2\n", "triangle that has an area"),
-        (SQUARE.replace(".03", ".003") + "f 1 2 3\n", "0.003 m large .* expected 0.02 to 5.0 m"),
-        (SQUARE.replace(".03", "9") + "f 1 2 3\n", "9 m large .* Pass meters in a unit"),
+        (SQUARE.replace(".03", ".003") + "f 1 2 3\n", "measures 0.003 m .* expected 0.02 to 5.0 m"),
+        (SQUARE.replace(".03", "9") + "f 1 2 3\n", "measures 9 m .* Pass its unit in meters"),
     ],
 )
 def test_bad_meshes_are_errors(tmp_path, text, message):

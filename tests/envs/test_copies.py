@@ -110,7 +110,9 @@ def test_a_state_is_a_reset_to_wrappers():
     assert np.array_equal(twin.step(-np.ones(8))[0], env.step(-np.ones(8))[0])
     assert env.reset()[1] == twin.reset()[1]
     for beside in ({"seed": 3}, {"options": {"state": state, "variation": 3}}):
-        with pytest.raises(InvalidArgumentError, match="=3 is refused; valid: None, as the state"):
+        with pytest.raises(
+            InvalidArgumentError, match="=3 is not valid: expected None, as the state"
+        ):
             twin.reset(**{"options": {"state": state}, **beside})
     with pytest.raises(SnapshotError, match="get_state"):
         twin.reset(options={"state": None})

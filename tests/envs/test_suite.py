@@ -122,5 +122,5 @@ def test_arguments_of_load():
     ):
         with pytest.raises(error):
             suite.load("softgym", "straighten_rope", task_kwargs, environment_kwargs)
-    with pytest.raises(InvalidArgumentError, match=r"visualize_reward=True is .*valid: False"):
+    with pytest.raises(InvalidArgumentError, match=r"visualize_reward=True is .*expected False"):
         suite.load("softgym", "straighten_rope", visualize_reward=True)

@@ -19,7 +19,9 @@ SIMPLE = Configuration("straighten_rope", "random", (800, 801, 802), (0, 1), SHO
 def test_a_folder_belongs_to_one_configuration(tmp_path):
     evaluate(SIMPLE, tmp_path)
     other = dataclasses.replace(SIMPLE, settings={"horizon": 7})
-    with pytest.raises(StoreError, match=r"another settings: pass --out with .*_2, or delete"):
+    with pytest.raises(
+        StoreError, match=r"different settings: choose a new folder, such as --out .*_2, or delete"
+    ):
         evaluate(other, tmp_path)
 
 
@@ -72,7 +74,7 @@ def test_files_know_whose_they_are(tmp_path):
             file.unlink()
         kept.rename(file)
     swap(folder / "provenance.json", tmp_path / "1" / "provenance.json")
-    with pytest.raises(StoreError, match=r"provenance\.json is of another evaluation"):
+    with pytest.raises(StoreError, match=r"provenance\.json belongs to another evaluation"):
         evaluate(planned, folder)
     swap(folder / "provenance.json", tmp_path / "1" / "provenance.json")
     assert evaluate(planned, folder) == before
@@ -120,7 +122,7 @@ def test_a_changed_policy_needs_another_folder(tmp_path, monkeypatch):
     assert result["policy_sha256"] == {"changing:constant": sha}
     evaluate(configuration, folder)
     module.write_text("from tests.policies.test_saved_policies import broken as constant\n")
-    with pytest.raises(StoreError, match="another content of changing:constant"):
+    with pytest.raises(StoreError, match="different content of changing:constant"):
         evaluate(configuration, folder)
 
 
@@ -136,5 +138,5 @@ def test_a_file_for_each_seed(tmp_path):
     assert list(result["policy_sha256"]) == [name.replace("{seed}", str(i)) for i in range(2)]
     exported(tmp_path / "run_1.pt2", seed=7)
     assert evaluate(one, folder)["seeds"] == [0]
-    with pytest.raises(StoreError, match=r"another content of .*run_1\.pt2:"):
+    with pytest.raises(StoreError, match=r"different content of .*run_1\.pt2:"):
         evaluate(dataclasses.replace(one, seeds=(0, 1)), folder)

@@ -433,5 +433,5 @@ def test_bad_settings_are_refused():
     ):
         with pytest.raises(InvalidArgumentError, match=name):
             make(TINY, problem)
-    with pytest.raises(InvalidArgumentError, match="depend on the past"):
+    with pytest.raises(InvalidArgumentError, match="depend on past observations"):
         make(TINY, _problem()).policy(0)

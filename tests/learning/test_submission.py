@@ -106,11 +106,11 @@ def test_earlier_rows_stay_and_final_ones_are_replaced(folder):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"seeds": []}, r"seeds=\[\] is refused"),
+        ({"seeds": []}, r"seeds=\[\] is not valid"),
         ({"seeds": [0, 7]}, r"no policy_7\.pt2"),
-        ({"evaluations": ["100"]}, r"evaluations=\['100'\] is refused"),
-        ({"updates": None}, "updates=None is refused"),
-        ({"seconds": True}, "seconds=True is refused"),
+        ({"evaluations": ["100"]}, r"evaluations=\['100'\] is not valid"),
+        ({"updates": None}, "updates=None is not valid"),
+        ({"seconds": True}, "seconds=True is not valid"),
         ({"training": {"task": "straighten_rope"}}, "training lacks observation"),
     ],
 )

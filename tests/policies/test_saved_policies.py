@@ -66,7 +66,7 @@ def test_an_exported_policy_acts_on_the_observation(env, tmp_path):
     configuration = Configuration("straighten_rope", str(file), (800,), (0,), SHORT)
     evaluate(configuration, tmp_path / "run", trust=True)
     exported(file, actions=3)
-    with pytest.raises(InvalidArgumentError, match="gives 3 numbers; an action has 8"):
+    with pytest.raises(InvalidArgumentError, match="returns 3 numbers; an action has 8"):
         make_policy(str(file), env, trust=True)(timestep)
     exported(file, size=20)
     message = r"does not take .* shape \(1, 36\), torch\.float32.*example"
@@ -210,5 +210,5 @@ def test_policies_of_images_name_their_size_and_others_nothing(tmp_path):
     exported(tmp_path / "policy_4.pt2")
     assert observes(none) == {}
     (tmp_path / "policy_4.json").write_text('{"training": {}}')
-    with pytest.raises(InvalidArgumentError, match="what it observes cannot be read"):
+    with pytest.raises(InvalidArgumentError, match="its observation cannot be read"):
         observes(none)

@@ -125,7 +125,9 @@ def test_who_stops_once_the_dataset_is_in_its_place_has_it(played, monkeypatch):
     assert played == [0, 1, 2, 1]
     assert_same(parts, record(TASK, range(3), "random", dataset="rope/whole-v0", **SHORT))
     assert not list(pathlib.Path("datasets").rglob(".*"))
-    with pytest.raises(StoreError, match="dataset='rope/parts-v0' exists, with another variations"):
+    with pytest.raises(
+        StoreError, match="dataset='rope/parts-v0' exists with different variations"
+    ):
         record(TASK, range(4), "random", dataset="rope/parts-v0", **SHORT)
 
 
@@ -171,7 +173,9 @@ def test_the_same_recording_is_found(played):
 def test_another_recording_is_not_taken_for_the_same(changes, named, played):
     usual = {"task": TASK, "variations": (0, 1), "policy": "random", "dataset": "rope-v0", **SHORT}
     record(**usual)
-    with pytest.raises(StoreError, match=f"'rope-v0' exists, with another {named}; choose another"):
+    with pytest.raises(
+        StoreError, match=f"'rope-v0' exists with different {named}; choose another"
+    ):
         record(**{**usual, **changes})
     assert played == [0, 1] and local_datasets() == ["rope-v0"]
 
@@ -179,7 +183,7 @@ def test_another_recording_is_not_taken_for_the_same(changes, named, played):
 def test_another_expert_is_not_taken_for_the_same(played, monkeypatch):
     record(TASK, (0,), dataset="rope-v0", **SHORT)
     monkeypatch.setattr(running, "sources_sha256", lambda task: f"other {task.name}")
-    with pytest.raises(StoreError, match="'rope-v0' exists, with another policy_sha256"):
+    with pytest.raises(StoreError, match="'rope-v0' exists with different policy_sha256"):
         record(TASK, (0,), dataset="rope-v0", **SHORT)
     assert played == [0]
 
@@ -187,7 +191,7 @@ def test_another_expert_is_not_taken_for_the_same(played, monkeypatch):
 def test_a_dataset_of_others_is_not_taken_for_ours(played):
     dataset = record(TASK, (0,), "random", dataset="rope-v0", **SHORT)
     (dataset.storage.data_path.parent / "recording.json").unlink()
-    with pytest.raises(StoreError, match="'rope-v0' exists, with another task, policy"):
+    with pytest.raises(StoreError, match="'rope-v0' exists with different task, policy"):
         record(TASK, (0,), "random", dataset="rope-v0", **SHORT)
     assert played == [0]
 

@@ -177,7 +177,7 @@ def test_who_stops_while_it_writes_plays_nothing_again(lerobot, monkeypatch, tmp
         assert lerobot(record(ROPE, range(3), **how)).num_episodes == 3
     assert variations == [0, 1, 2]
     assert not list((tmp_path / "lerobot").rglob(".*"))
-    with pytest.raises(StoreError, match="exists, with another settings"):
+    with pytest.raises(StoreError, match="exists with different settings"):
         record(ROPE, range(3), **{**how, "horizon": 4})
 
 
@@ -185,8 +185,8 @@ def test_who_stops_while_it_writes_plays_nothing_again(lerobot, monkeypatch, tmp
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"dataset": "a/b/c"}, "dataset='a/b/c' is refused"),
-        ({"observation": ["proprioception", "reduced", "full"]}, "observation=.*no more places"),
+        ({"dataset": "a/b/c"}, "dataset='a/b/c' is not valid"),
+        ({"observation": ["proprioception", "reduced", "full"]}, "observation=.*no more states"),
         ({"codec": "h264", "observation": "rgb", "image_size": (33, 64)}, "image_size=.33, 64."),
         ({"author": "me"}, "author"),
     ],

@@ -213,7 +213,7 @@ def test_who_made_a_dataset():
     [
         ({"split": "all"}, "settings=.*not 'split'"),
         ({"random_state": 3}, "settings=.*not 'random_state'"),
-        ({"image_size": (np.int64(16),) * 2}, "settings=.*what JSON can hold"),
+        ({"image_size": (np.int64(16),) * 2}, "settings=.*that JSON can store"),
     ],
 )
 def test_settings_that_a_dataset_cannot_have(settings, message):

@@ -196,7 +196,7 @@ def test_nothing_else_imports_it():
         ("--camera above", "camera='above'"),
         ("--size 0", "size=0"),
         ("--size 2000", "size=2000"),
-        ("--step 3", "step=3 is refused; valid: at most 2"),
+        ("--step 3", "step=3 is not valid: expected at most 2"),
         ("--variation 1000", "variation=1000"),
     ],
 )

@@ -50,5 +50,5 @@ def test_journals_of_other_keys_and_specifications(tmp_path):
     for other in (store.journal((800, 0)), Store(tmp_path, {"task": "b"}, JSON).journal((801, 0))):
         file = store.file((801, 0)).with_suffix(".jsonl")
         other._file.write_bytes(file.read_bytes())
-        with pytest.raises(StoreError, match="is of other work"):
+        with pytest.raises(StoreError, match="belongs to other work"):
             other.read()

@@ -260,7 +260,7 @@ def test_answers_that_cannot_leave_their_worker():
     envs = make(render_mode="rgb_array")
     envs.reset(seed=SEED)
     envs.render()
-    with pytest.raises(SoftGymError, match=r"of 'call' cannot leave its worker: .*pickle"):
+    with pytest.raises(SoftGymError, match=r"of 'call' cannot be sent by its worker: .*pickle"):
         envs.get_attr("_view")  # It has OpenGL's objects.
     with pytest.raises(Exception, match=r"pickle|local"):
         envs.call("set_state", lambda: None)  # It is sent to no worker.

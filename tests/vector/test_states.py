@@ -87,12 +87,15 @@ def test_bad_states(envs):
         (states[0], "all 3 environments, not tuple"),
         (None, "all 3 environments, not NoneType None"),
         ([*states[:2], None], "what `get_state` returned, not NoneType None"),
-        ([cloth.get_state()] * NUM_ENVS, "of task 'spread_cloth', this one is 'straighten_rope'"),
+        (
+            [cloth.get_state()] * NUM_ENVS,
+            "of task 'spread_cloth', the environment of 'straighten_rope'",
+        ),
     ):
         with pytest.raises(SnapshotError, match=message):
             envs.set_state(bad)
     with pytest.raises(
-        InvalidArgumentError, match=r"seed=\[7, 8, 9\] is refused.*None, as the state"
+        InvalidArgumentError, match=r"seed=\[7, 8, 9\] is not valid.*None, as the state"
     ):
         envs.reset(seed=[7, 8, 9], options={"state": states})
 
@@ -117,7 +120,7 @@ def test_chosen_variations(envs, given):
     assert envs.reset(options={"variation": 4})[1]["variation"].tolist() == [4] * NUM_ENVS
     for bad, message in (
         (given([1, 2]), "an index, or one for each of the 3 environments"),
-        (given([1, 2, 1000]), r"variation=1000 is refused; valid: a whole number in 0\.\.999"),
+        (given([1, 2, 1000]), r"variation=1000 is not valid: expected a whole number in 0\.\.999"),
     ):
         with pytest.raises(InvalidArgumentError, match=message):
             envs.reset(options={"variation": bad})

@@ -140,6 +140,6 @@ def make(settings: CURLSettings, problem: Problem) -> OffPolicy:
     """
     size = min(picture_size(problem))
     if settings.crop > size:
-        raise InvalidArgumentError("crop", settings.crop, f"{size} or less, the images' size")
+        raise InvalidArgumentError("crop", settings.crop, f"at most {size}, the image size")
     curl = CURL(settings, problem.seeds, problem.action, problem.device)
     return OffPolicy(settings, problem, curl)

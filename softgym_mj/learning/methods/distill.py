@@ -52,12 +52,12 @@ class Distill:
     def __init__(
         self, settings: StudentSettings, problem: Problem, teacher: Callable[[Tensor], Tensor]
     ):
-        """Draws the students and makes room for what they learn from.
+        """Draws the students and allocates their replay buffer.
 
         Args:
             settings: how they learn.
             problem: learning problem.
-            teacher: gives actions (seeds, n, action) for privileged observations (seeds, n, k).
+            teacher: Maps privileged observations (seeds, n, k) to actions (seeds, n, action).
         """
         self._settings, self._problem, self._teacher = settings, problem, teacher
         shapes = {name: s for name, s in problem.shapes.items() if name != settings.privileged}
@@ -99,7 +99,7 @@ class Distill:
         return (self._explored(action, observation, first) if explore else action), stacks
 
     def _explored(self, action: Tensor, observation: Observation, first: Tensor) -> Tensor:
-        """Keeps what is seen with the teacher's labels; returns actions to carry out."""
+        """Stores observations with the teacher's labels; returns actions to execute."""
         settings, num_envs = self._settings, self._problem.num_envs
         with torch.no_grad():
             label = self._teacher(observation[settings.privileged])

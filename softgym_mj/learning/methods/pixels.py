@@ -49,7 +49,7 @@ class PixelSettings(SACSettings):
         for name in ("channels", "features"):
             check_count(name, getattr(self, name), 1)
         if self.symmetric:
-            raise InvalidArgumentError("symmetric", True, "False: images are shown as they are")
+            raise InvalidArgumentError("symmetric", True, "False: images have no symmetries")
 
 
 def picture_size(problem: Problem, least: int = LEAST) -> tuple[int, int]:

@@ -292,7 +292,7 @@ def make(settings: SACSettings, problem: Problem) -> OffPolicy:
     """Returns the `Learner` of a problem."""
     (size,) = problem.observation
     if settings.symmetric and problem.observed not in ("reduced", "markov"):
-        valid = "'reduced' or 'markov', to be symmetric"
+        valid = "'reduced' or 'markov' with symmetric=True"
         raise InvalidArgumentError("observation", problem.observed, valid)
     sac = SAC(settings, problem.seeds, size, problem.action, problem.device)
     return OffPolicy(settings, problem, sac)

@@ -1,4 +1,4 @@
-"""Students: networks that give actions of stacked images and of other observations."""
+"""Students: networks that map stacked images and other observations to actions."""
 
 import dataclasses
 import itertools
@@ -22,7 +22,7 @@ class StudentSettings:
 
     Attributes:
         privileged: name of the observation that the teacher takes, such as "markov".
-        frames: number of successive images that the student sees.
+        frames: number of successive images in an observation.
         channels: number of filters of each convolution.
         features: size of the encoding of the images.
         hidden: sizes of the layers behind it.
@@ -76,7 +76,7 @@ class Student(nn.Module):
     """Actions of stacked observations.
 
     Attributes:
-        frames: number of successive images that it sees.
+        frames: number of successive images in an observation.
         images: names of observations that are images, which must be of one size.
         others: names of all other observations.
     """

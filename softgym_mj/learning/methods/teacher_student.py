@@ -81,7 +81,7 @@ class TeacherStudent:
     def act(
         self, observation: Observation, first: Tensor, memory: Any, *, explore: bool
     ) -> tuple[Tensor, Any]:
-        """Returns actions (seeds, n, action): to explore, first those of the teachers."""
+        """Returns actions (seeds, n, action); exploration starts with those of the teachers."""
         if explore and self._steps < self._last:
             return self.teacher.act(observation[self._privileged], first, memory, explore=True)
         if explore and self._steps == self._last:  # The student has not seen what came before.

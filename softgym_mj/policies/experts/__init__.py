@@ -39,8 +39,8 @@ def make_policy(env: Environment) -> Callable[[dm_env.TimeStep], np.ndarray]:
     if env.name not in EXPERTS:
         raise InvalidArgumentError(
             f"policy='scripted': there is no scripted expert for {env.name}; valid choices: "
-            "'random', 'zero', a FILE.pt2 or MODULE:FUNCTION. The class of the task may bring one: "
-            "a generator `expert(self)` of the actions of an episode"
+            "'random', 'zero', a FILE.pt2 or MODULE:FUNCTION. The class of a task can define one: "
+            "a generator `expert(self)` that yields the actions of an episode"
         )
     module = importlib.import_module(f"softgym_mj.policies.experts.{env.name}")
     return getattr(module, TASKS[env.name].class_name)(env)

@@ -50,7 +50,7 @@ class PickerExpert(Expert):
         """
         self._actor, self._target = env.task.actor, env.task.objects[0]
         if not self._actor.displaces:
-            valid = "an actor whose actions say by how much grippers move"
+            valid = "an actor whose actions are displacements of grippers"
             raise InvalidArgumentError("actor", self._actor.name, valid)
         if self._actor.num_grippers != 2:
             raise InvalidArgumentError("num_grippers", self._actor.num_grippers, "2")

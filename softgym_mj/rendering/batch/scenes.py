@@ -98,7 +98,7 @@ def _lights(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
     rows = []
     for i in range(model.nlight):
         if model.light_type[i] != _DIRECTIONAL:
-            raise InvalidArgumentError("light", model.light(i).name, "directional ones")
+            raise InvalidArgumentError("light", model.light(i).name, "directional lights")
         towards, shadow = -data.light_xdir[i], int(model.light_castshadow[i])
         colors = model.light_diffuse[i], model.light_ambient[i], model.light_specular[i]
         rows.append((towards, *colors, shadow))

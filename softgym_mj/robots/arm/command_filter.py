@@ -52,8 +52,8 @@ class CommandFilter:
         """Runs a sim step towards points (n, 3) [m].
 
         Args:
-            wanted: desired commanded points, which wait if the filter is far behind.
-            hold: returns for points (n, 3) [m] those that are not too far ahead of the arms.
+            wanted: desired commanded points; the commanded points stay near the filter.
+            hold: returns points (n, 3) [m] moved back to the largest allowed lead over the arms.
         """
         before = self.commanded
         self.commanded = self._draw(wanted, self.points, LEAD)

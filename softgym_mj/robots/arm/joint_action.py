@@ -46,7 +46,7 @@ class JointAction(ArmAction):
         self._filter.start(self._scaled(self._controller.configuration))
 
     def displacing(self, fractions: np.ndarray, grips: np.ndarray) -> np.ndarray:
-        raise InvalidArgumentError("action", self.name, "one that commands positions of hands")
+        raise InvalidArgumentError("action", self.name, "an action that commands hand positions")
 
     def advance(self) -> None:
         wanted = self.angles + self._largest * self._entries.ravel()

@@ -111,8 +111,8 @@ class JointServos:
         """Starts a sim step.
 
         Args:
-            follow: called when a solution is due, to move the controller's reference to where it
-                has to be after a number of sim steps.
+            follow: moves the controller's reference to its pose after a number of sim steps; it is
+                called when the inverse kinematics are to be solved again.
         """
         self._phase = (self._phase + 1) % SOLVE_EVERY
         if self._phase == 0:

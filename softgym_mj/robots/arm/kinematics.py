@@ -42,7 +42,7 @@ class ToolTask(mink.FrameTask):
 
 
 class Summed(BaseTask):
-    """Task of mink whose objective is summed here instead of together with others."""
+    """mink task that sums its own objective, with the same bits on every processor."""
 
     def __init__(self, task: mink.Task):
         """Wraps a task, whose targets and costs may change afterwards."""

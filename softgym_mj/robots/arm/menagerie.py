@@ -62,7 +62,7 @@ def _spec(arm: Arm) -> mujoco.MjSpec:
 def _fail(arm: Arm, reason: object) -> NoReturn:
     raise UnavailableError(
         f"visual='menagerie' cannot show {arm.name!r} as {arm.menagerie!r}: {reason}. This model "
-        "is downloaded from github.com when first used; or set MENAGERIE_ROOT to a checkout of "
+        "is downloaded from github.com when first used; or set MENAGERIE_ROOT to a clone of "
         "https://github.com/google-deepmind/mujoco_menagerie, or leave visual='primitive'."
     )
 

@@ -14,7 +14,7 @@ NOT_OF_STATES = (
 def arguments_of_states(
     constructor: Callable[..., object], task_kwargs: Mapping[str, object]
 ) -> dict[str, str]:
-    """Returns the arguments that must agree, besides the key, for a state to fit another instance.
+    """Returns the task arguments that must agree for a snapshot to fit another environment.
 
     Args:
         constructor: builds the task.

@@ -115,7 +115,7 @@ def checked(measures: object) -> Measures:
     for name in measures.info:
         if not isinstance(name, str) or name in INFO_NAMES or name.startswith(_INFO_PREFIXES):
             taken = f"{', '.join(sorted(INFO_NAMES))}, or what begins with reward_ or domain_"
-            raise InvalidArgumentError("info", name, f"a name that info does not have: {taken}")
+            raise InvalidArgumentError("info", name, f"a name that is not yet in info: {taken}")
     return Measures(
         _number("performance", measures.performance, finite=True),
         {k: _number(f"rewards[{k!r}]", v, finite=True) for k, v in measures.rewards.items()},
@@ -137,9 +137,7 @@ def check_names(groups: Iterable[Iterable[str]]) -> None:
     for group in groups:
         names = set(group)
         if twice := sorted(seen & names):
-            raise InvalidArgumentError(
-                "measures or diagnostics", twice, "names that info has only once"
-            )
+            raise InvalidArgumentError("measures or diagnostics", twice, "names without duplicates")
         seen |= names
 
 

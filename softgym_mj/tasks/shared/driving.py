@@ -32,7 +32,7 @@ class Driving:
         checked = self._actor.checked_action(action)
         if self._actor.sim_steps is not None and not as_long_as_needed:
             raise LifecycleError(
-                "actions of this actor take as long as they need: run the task in "
+                "env steps of this actor differ in length: run the task in "
                 "softgym_mj.envs.environment.Environment, or by softgym_mj.load"
             )
         self._actor.command(checked)

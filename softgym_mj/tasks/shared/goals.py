@@ -61,7 +61,7 @@ def goals(name: str, task: Any) -> Goals:
             the full state does not describe.
     """
     if task.goals is None:
-        raise InvalidArgumentError("task", name, "one that draws its goal: whose class has `goals`")
+        raise InvalidArgumentError("task", name, "a task whose class defines `goals`")
     return task.goals(task)
 
 

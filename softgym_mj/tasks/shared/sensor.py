@@ -11,7 +11,7 @@ from softgym_mj.variations.randomization import Parameter, scaled
 
 
 class TaskSensor:
-    """Degrades observed color images; not those of `render`, depths or labels.
+    """Degrades observed color images; images of `render`, depths and labels are unchanged.
 
     An image depends on the variation and on the time in the episode, not on the number of images.
 

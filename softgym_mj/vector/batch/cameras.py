@@ -69,7 +69,9 @@ class Cameras:
             return
         faults = [name for name in task.domain.varying if name.startswith(_FAULTS)]
         if faults and any(image.shows == "colors" for image in self._images.values()):
-            raise InvalidArgumentError("domain", faults, "without these, of images on this device")
+            raise InvalidArgumentError(
+                "domain", faults, "none of these sensor faults, with images on this device"
+            )
         self._has_marks = task.goal_marks
         name, image = next(iter(self._images.items()))
         shape = env.observation_spec()[name].shape[image.is_stack :]

@@ -176,7 +176,7 @@ class ClothBatch(BatchPhysics):
         slips = is_overloaded(
             forces, behind, state["hold_force"][:, None], state["max_tracking_error"][:, None]
         )
-        pickers.give_way(goals, slips, self._gap)
+        pickers.release_overloaded(goals, slips, self._gap)
         models = self._solver.models
         if isinstance(pickers, PickAndPlaceBatch):  # Environments without a model stand still.
             whole = xp.asarray(models, copy=True)

@@ -92,7 +92,7 @@ class PaddedRows:
 
         Args:
             which: Selected rows (number,) bool.
-            others: Source, no larger than these rows (see `fit`).
+            others: Source rows, no larger than these rows; `fit` enlarges these.
             rows: Rows (number,) of `others`; ignored where not `which`.
         """
         self._take(self.whole, others.whole, which, rows)

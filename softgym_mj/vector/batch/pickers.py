@@ -82,7 +82,7 @@ class PickerBatch:
         goals[..., 2] = self._xp.maximum(goals[..., 2], resting_height[:, None])
         return goals
 
-    def give_way(self, goals: Array, slips: Array, gap: Gap) -> None:
+    def release_overloaded(self, goals: Array, slips: Array, gap: Gap) -> None:
         """Releases vertices that slip, and later holds that pull too far from earlier ones.
 
         Args:

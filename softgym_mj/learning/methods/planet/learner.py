@@ -235,7 +235,7 @@ class PlaNet:
         Raises:
             InvalidArgumentError: always.
         """
-        valid = "one whose actions follow from what is seen now: these depend on the past, too"
+        valid = "a method without memory; the actions of PlaNet depend on past observations"
         raise InvalidArgumentError("method", "planet", valid)
 
     # ------------------------------------------------------------------ learning

@@ -25,7 +25,7 @@ def cloth_pixels(images: Tensor) -> Tensor:
 
 
 def pixel_centers(height: int, width: int, device: torch.device | str = "cpu") -> Tensor:
-    """Returns where pixels are (height * width, 2), row by row: right and down, from -1 to 1."""
+    """Returns pixel centers (height * width, 2), row by row: right and down, from -1 to 1."""
     down, right = (
         (2.0 * torch.arange(number, device=device) + 1.0) / number - 1.0
         for number in (height, width)

@@ -71,7 +71,7 @@ class WuSettings(SACSettings):
             check_count("channels", number, 1)
         check_number("best_share", self.best_share, gt=0.0, le=1.0)
         if self.symmetric:
-            raise InvalidArgumentError("symmetric", True, "False: images are shown as they are")
+            raise InvalidArgumentError("symmetric", True, "False: images have no symmetries")
 
 
 class PickAndPlace(SAC):
@@ -174,7 +174,7 @@ class PickAndPlace(SAC):
 
     def policy(self, seed: int) -> nn.Module:
         """Returns the policy of the seed at an index."""
-        valid = "a method whose best action is a function of what is seen: here it is drawn"
+        valid = "a method with deterministic actions; this one samples the best actions"
         raise InvalidArgumentError("method", "wu", valid)
 
 
