@@ -239,7 +239,7 @@ def test_a_fork_leaves_it_alone(pair):
     queue = context.Queue()
     child = context.Process(target=_use, args=(pair.envs, queue))
     child.start()
-    assert "forked from: make a new one" in queue.get(timeout=60)
+    assert "was forked: make a new one" in queue.get(timeout=60)
     child.join()
     pair.check()
 
