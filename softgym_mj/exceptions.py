@@ -1,5 +1,6 @@
 """Errors raised by softgym_mj, all subclasses of `SoftGymError`, and checks of arguments."""
 
+import difflib
 import importlib
 import operator
 from collections.abc import Iterable, Sequence
@@ -44,8 +45,15 @@ class InvalidArgumentError(SoftGymError, ValueError):
             shown = f"{shown[:_SHOWN]}..."
         if isinstance(valid, str):
             return f"{argument}={shown} is not valid: expected {valid}."
-        choices = ", ".join(repr(name) for name in valid)
-        return f"{argument}={shown} is unknown; valid choices: {choices}."
+        return f"{argument}={shown} is unknown{choices(value, valid)}"
+
+
+def choices(value: object, valid: Iterable[object]) -> str:
+    """Returns the end of a message: the choice most similar to `value`, if any, and all choices."""
+    names = [repr(name) for name in valid]
+    similar = difflib.get_close_matches(repr(value), names, n=1, cutoff=0.75)
+    hint = f" (did you mean {similar[0]}?)" if similar else ""
+    return f"{hint}; valid choices: {', '.join(names)}."
 
 
 class UnexpectedArgumentError(SoftGymError, TypeError):

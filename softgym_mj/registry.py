@@ -16,6 +16,7 @@ from softgym_mj.exceptions import (
     UnexpectedArgumentError,
     check_count,
     check_name,
+    choices,
 )
 from softgym_mj.validation import check_type
 
@@ -113,10 +114,9 @@ class TaskRecord:
         own = self.arguments
         for name, value in arguments.items():
             if name not in own:
-                choices = ", ".join(repr(other) for other in (*own, *others))
                 raise UnexpectedArgumentError(
-                    f"{self.name} got an unexpected keyword argument {name!r}; "
-                    f"valid choices: {choices}."
+                    f"{self.name} got an unexpected keyword argument {name!r}"
+                    + choices(name, (*own, *others))
                 )
             check_type(name, value, own[name])
 

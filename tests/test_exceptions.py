@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from softgym_mj.exceptions import InvalidArgumentError, check_number
+from softgym_mj.exceptions import InvalidArgumentError, check_name, check_number
 
 
 @pytest.mark.parametrize("value", [0.0, 1.5, -1.0, math.nan, math.inf])
@@ -14,3 +14,14 @@ def test_a_number_outside_its_limits_is_refused_with_them(value):
     assert str(error.value) == f"rate={value} is not valid: expected a number > 0 and <= 1."
     check_number("rate", 1.0, gt=0.0, le=1.0)
     check_number("rate", 0.0, ge=0.0, lt=1.0)
+
+
+@pytest.mark.parametrize(
+    ("value", "hint"),
+    [("fold_clothes", " (did you mean 'fold_cloth'?)"), ("kettle", ""), (None, "")],
+)
+def test_an_unknown_name_lists_the_choices_and_the_most_similar(value, hint):
+    with pytest.raises(InvalidArgumentError) as error:
+        check_name("task", value, ("fold_cloth", "pour_water"))
+    expected = f"task={value!r} is unknown{hint}; valid choices: 'fold_cloth', 'pour_water'."
+    assert str(error.value) == expected

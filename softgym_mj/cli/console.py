@@ -52,7 +52,10 @@ Ray = Annotated[
 ]
 Jobs = Annotated[int, typer.Option(help="Worker processes.", min=1)]
 Device = Annotated[
-    str, typer.Option(help="Simulation device: cpu (by --jobs), host or cuda (all at once).")
+    str,
+    typer.Option(
+        help="cpu (--jobs processes), host (batch on CPU threads) or cuda (batch on a GPU)."
+    ),
 ]
 Split = Annotated[str, typer.Option(help="train, evaluate or all.")]
 CableRecordings = Annotated[

@@ -71,7 +71,7 @@ def evaluate(
         "evaluation"
     ),
 ) -> None:
-    """Scores a policy as the paper does. The same command continues one that was stopped."""
+    """Scores a policy by SoftGym's protocol. The same command continues one that was stopped."""
     from softgym_mj import evaluation
     from softgym_mj.parallel.executors import make_executor
 

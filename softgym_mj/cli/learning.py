@@ -11,7 +11,9 @@ from softgym_mj.cli.console import Device, Jobs, Ray, Trust, console
 from softgym_mj.exceptions import StoreError
 from softgym_mj.storage.files import write_csv
 
-app = typer.Typer(help="Published results and trainings.", no_args_is_help=True)
+app = typer.Typer(
+    help="Prints, joins and scores trainings, next to published results.", no_args_is_help=True
+)
 Folders = Annotated[
     list[pathlib.Path] | None,
     typer.Argument(help="Folders of trainings or of planner evaluations.", metavar="FOLDER..."),

@@ -102,7 +102,7 @@ def rollout(
     actor: Actor = None,
     grasp: Grasp = None,
     split: Split = "evaluate",
-    episodes: Annotated[int, typer.Option(min=1)] = 5,
+    episodes: Annotated[int, typer.Option(min=1, help="Number of variations to play.")] = 5,
     seed: Annotated[int, typer.Option(help="Seed of the random policy.", min=0)] = 0,
     trust: Trust = False,
     look: Look = None,

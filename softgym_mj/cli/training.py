@@ -45,7 +45,10 @@ def train(
         int, typer.Option(help="First seed; `learning join` joins the results of several folders.")
     ] = 0,
     device: Annotated[
-        str, typer.Option(help="Device of environments: cuda, cpu (worker processes) or host.")
+        str,
+        typer.Option(
+            help="Environments: cuda (a GPU), cpu (worker processes) or host (CPU threads)."
+        ),
     ] = "cuda",
     learner_device: Annotated[
         str | None, typer.Option(help="Device of networks: cpu or cuda; default: as --device.")

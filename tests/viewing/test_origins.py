@@ -177,6 +177,9 @@ def test_what_is_no_origin(origin):
 def test_a_server_that_cannot_be_guarded_is_not_opened(monkeypatch):
     monkeypatch.setattr(viser, "ViserServer", lambda **settings: None)
     before = websockets.asyncio.server.serve
-    with pytest.raises(UnavailableError, match="cannot check the origin"), browser.open_server(port=0):
+    with (
+        pytest.raises(UnavailableError, match="cannot check the origin"),
+        browser.open_server(port=0),
+    ):
         pass
     assert websockets.asyncio.server.serve is before
