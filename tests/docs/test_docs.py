@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 import softgym_mj
 from softgym_mj import compat, registry
-from softgym_mj.cli import commands
+from softgym_mj.cli import commands, playing
 from softgym_mj.entities import View
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.rendering.look import FAST, LOOKS
@@ -127,7 +127,8 @@ def test_commands_run(command, monkeypatch, folder):
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(folder))
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    # Frames for people take a tenth of a second each.
+    # Large frames for people take a tenth of a second each.
+    monkeypatch.setattr(playing, "VIDEO_SIZE", 96)
     monkeypatch.setitem(LOOKS, "paper", dataclasses.replace(FAST, name="paper"))
     for needed in shlex.split(command)[2:] if " plot " in command else []:
         if needed.startswith("runs/") and not (folder / needed).exists():
