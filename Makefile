@@ -4,6 +4,8 @@ VENV ?= .venv
 BIN = $(VENV)/bin
 # Cloth and rope are single-threaded; without this every worker starts a thread per core.
 export OMP_NUM_THREADS ?= 1
+# Containers often forbid to store bytecode; pytest then rewrites all test modules in each worker.
+export PYTHONDONTWRITEBYTECODE =
 
 .PHONY: demo notebooks test test-long test-all lint bench sheets videos gallery renders docs native clean
 
