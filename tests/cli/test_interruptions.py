@@ -73,7 +73,7 @@ def test_ctrl_c_ends_with_one_line(name, pause, tmp_path):
     assert not [path for path in files(tmp_path) if path.endswith(".partial")]
 
 
-@pytest.mark.parametrize("count", [6, pytest.param(40, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [4, pytest.param(40, marks=pytest.mark.slow)])
 def test_ctrl_c_in_the_first_second(count, tmp_path):
     """Python's own start, some hundredths of a second, comes before anything of this package."""
     draw = random.Random(0)

@@ -79,15 +79,15 @@ def _solver(followed, device=None):
     return solver
 
 
-@pytest.mark.parametrize("turns", [0, 1, 4])
-@pytest.mark.parametrize("task", ["transport_water", "pour_water", "pour_water_amount"])
-def test_an_environment_makes_the_steps_of_the_plugin(task, turns):
+@pytest.mark.parametrize("task", ["transport_water", "pour_water"])
+def test_an_environment_makes_the_steps_of_the_plugin(task):
     followed = _Followed(task, 806)
-    solver = _solver([followed], CpuDevice(turns=turns))
+    solvers = [_solver([followed], CpuDevice(turns=turns)) for turns in (0, 1, 4)]
     for poses in followed.steps(4):
-        solver.step(poses[None])
-        followed.check(solver, 0)
-    assert solver.flags[0] == 0
+        for solver in solvers:
+            solver.step(poses[None])
+            followed.check(solver, 0)
+    assert not any(solver.flags[0] for solver in solvers)
 
 
 def test_particles_in_one_place_part_alike():

@@ -199,12 +199,12 @@ def test_a_step_is_that_of_the_reference():
     scene.velocities[:, 2] = -2.0
     random = np.random.default_rng(0)
     touched = 0
-    for step in range(16):
+    for step in range(10):
         scene.data.qvel[:] += random.normal(0, 0.3, scene.model.nv)
         start, x, v = scene.points(), scene.positions.copy(), scene.velocities.copy()
         (plane,) = wall_poses(scene)
         scene.step()
-        if step % 6 != 3:
+        if step not in (3, 9):
             continue
         flexes = scene.flexes(start, scene.points())
         walls = [fluid.Wall("plane", np.ones(3), plane, plane)]

@@ -43,7 +43,7 @@ def test_a_step_is_that_of_the_reference():
     liquid = fluid.Fluid(spacing=SPACING, substeps=4, **settings)
     cup.step()
     turn = np.array([0.5, 1.0, 0.3])
-    for step in range(25):
+    for step in range(17):
         start, x, v = wall_poses(cup), cup.positions.copy(), cup.velocities.copy()
         cup.data.mocap_pos[0] += [0.004, 0.002, 0.001]
         quaternion = cup.data.mocap_quat[0].copy()
@@ -51,7 +51,7 @@ def test_a_step_is_that_of_the_reference():
         cup.data.mocap_quat[0] = quaternion
         end = wall_poses(cup)
         cup.step()
-        if step % 8 == 0:
+        if step in (8, 16):
             kinds = [SHAPES[int(kind)] for kind in cup.model.geom_type]
             walls = list(map(fluid.Wall, kinds, cup.model.geom_size, start, end))
             gravity = cup.model.opt.gravity
@@ -211,7 +211,7 @@ def test_a_box_of_water_in_free_flight_keeps_its_momentum(mass):
     A particle that is pushed further than the limit of a substep's corrections loses what is beyond
     it. In the lightest box that happens in one run of six or so.
     """
-    lost = [momentum_lost_by_a_box_in_free_flight(mass, seed) for seed in range(5)]
+    lost = [momentum_lost_by_a_box_in_free_flight(mass, seed) for seed in range(3)]
     assert np.median(lost) < 1e-5
     assert max(lost) < 0.01
 
