@@ -183,7 +183,7 @@ def test_sizes_in_meters_are_whole_numbers_of_particle_spacings(size, dims):
         ({"size": (60, 60)}, r"size=\(60, 60\).*two lengths in 0\.056\.\.1\.244 m"),
         ({"size": (0.6,)}, "size"),
         ({"size": (0.6, np.nan)}, "size"),
-        ({"size": (0.6, 0.6), "dims": (97, 97)}, r"dims=\(97, 97\).*None, as `size` is given"),
+        ({"size": (0.6, 0.6), "dims": (97, 97)}, r"dims=\(97, 97\).*None, because `size` is given"),
         ({"dims": (9, 97)}, r"dims=\(9, 97\).*10\.\.200 particles"),
     ],
 )
