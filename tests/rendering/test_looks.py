@@ -19,7 +19,9 @@ from softgym_mj.rendering.skins import closed, refined, spline
 from softgym_mj.rendering.surfaces import find_surfaces
 from softgym_mj.rendering.textures import PAD, STRIP, plaster, weave
 
-TASKS = ("fold_cloth", "rope_configuration", "pour_water_amount")
+TASKS = (
+    "fold_cloth", pytest.param("rope_configuration", marks=pytest.mark.long), "pour_water_amount"
+)  # fmt: skip
 
 
 def pixels(asset):

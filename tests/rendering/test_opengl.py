@@ -19,7 +19,7 @@ def opened():
 """
 STATES = """
 import gymnasium, numpy as np, softgym_mj
-for task in ("straighten_rope", "fold_cloth", "transport_water"):
+for task in ("fold_cloth", "transport_water"):
     env = softgym_mj.load(task, fidelity="fast")
     env.reset()
     env.step(np.zeros(env.action_spec().shape))
