@@ -1,0 +1,1 @@
+"""Recordings of real water, dam breaks and sloshing, and their simulation."""
