@@ -56,7 +56,7 @@ def _bouscasse(t: float) -> float:
 
 
 MOTIONS = (
-    # The recording begins with a trough, so the gauge is at the wall that the tank moves towards.
+    # The recorded level falls first, so the gauge is at the wall that the tank moves towards.
     Motion("Faltinsen et al.", "faltinsen", 1.73, 0.6, 1.68, 1.0, _faltinsen),
     Motion(
         "Bouscasse et al.", "bouscasse_5", 1.0, 0.03, 0.05, 2 * math.pi / _BOUSCASSE, _bouscasse
