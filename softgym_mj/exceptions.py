@@ -51,7 +51,7 @@ class InvalidArgumentError(SoftGymError, ValueError):
 def choices(value: object, valid: Iterable[object]) -> str:
     """Returns the end of a message: the choice most similar to `value`, if any, and all choices."""
     names = [repr(name) for name in valid]
-    similar = difflib.get_close_matches(repr(value), names, n=1, cutoff=0.75)
+    similar = difflib.get_close_matches(repr(value), names, n=1, cutoff=0.85)
     hint = f" (did you mean {similar[0]}?)" if similar else ""
     return f"{hint}; valid choices: {', '.join(names)}."
 

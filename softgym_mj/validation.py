@@ -25,7 +25,13 @@ _NUMBERS: dict[Any, Any] = {
     int: int | np.integer,
     float: int | float | np.integer | np.floating,
 }
-_WORDS = {"bool": "True or False", "int": "a whole number", "float": "a finite number"}
+_WORDS: dict[Any, str] = {
+    bool: "True or False",
+    int: "a whole number",
+    float: "a finite number",
+    str: "a string",
+    types.NoneType: "None",
+}
 
 
 def typed(checked: _Checked) -> _Checked:
@@ -65,9 +71,7 @@ def check_type(argument: str, value: object, annotation: Any) -> None:
     because JSON has no tuples.
     """
     if not _is_of(value, annotation):
-        name = annotation.__name__ if isinstance(annotation, type) else str(annotation)
-        words = _WORDS.get(name, re.sub(r"\b(\w+\.)+", "", name))
-        raise InvalidArgumentError(argument, value, words)
+        raise InvalidArgumentError(argument, value, _described(annotation))
 
 
 def as_array(argument: str, value: object) -> np.ndarray:
@@ -82,6 +86,19 @@ def as_array(argument: str, value: object) -> np.ndarray:
     except Exception as error:  # The value's own class may raise any error.
         reason = f"{type(value).__name__}: {error}"
         raise InvalidArgumentError(f"{argument} is not an array of numbers: {reason}") from error
+
+
+def _described(annotation: Any) -> str:
+    """Returns an annotation in words, such as "a whole number or None"."""
+    origin, parts = typing.get_origin(annotation), typing.get_args(annotation)
+    if annotation in _WORDS:
+        return _WORDS[annotation]
+    if origin in (typing.Union, types.UnionType):
+        return " or ".join(map(_described, parts))
+    if origin is tuple and ... not in parts:
+        return f"({', '.join(map(_described, parts))})"
+    name = annotation.__name__ if isinstance(annotation, type) and not parts else str(annotation)
+    return re.sub(r"\b(\w+\.)+", "", name)
 
 
 def _is_of(value: Any, annotation: Any) -> bool:

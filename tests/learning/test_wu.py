@@ -233,7 +233,7 @@ def test_an_evaluation_has_random_numbers_of_its_own():
         state["algorithm"]["random"], learner.get_state()["algorithm"]["random"], strict=True
     ):
         assert torch.equal(kept, now)
-    with pytest.raises(InvalidArgumentError, match="drawn"):
+    with pytest.raises(InvalidArgumentError, match="samples the best actions"):
         learner.policy(0)
 
 

@@ -234,7 +234,7 @@ def test_a_failed_download_says_what_to_do(tmp_path, monkeypatch):
     monkeypatch.delenv("MENAGERIE_ROOT")
     monkeypatch.setenv("MENAGERIE_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setenv("MENAGERIE_BASE_URL", (tmp_path / "nowhere").as_uri())
-    with pytest.raises(UnavailableError, match=r"nowhere.* MENAGERIE_ROOT .*checkout"):
+    with pytest.raises(UnavailableError, match=r"nowhere.* MENAGERIE_ROOT .*clone"):
         make()
 
 
