@@ -48,6 +48,7 @@ class ClothBatchSolver(solver.BatchSolver):
         valid: 1 if the plugin state continues the last step (num_envs, 1); set it to 0 after
             placing vertices.
         reference, after_edge, after_layers: Plugin state that a step inherits from the last one.
+        twist: Twist angle of a rope that twists (num_envs, 1) [rad].
     """
 
     kind = "cloth"
@@ -61,6 +62,7 @@ class ClothBatchSolver(solver.BatchSolver):
         "after_layers": ("vertices", KEPT_PAIRS, 4),
         "gripper_qpos": ("grippers", 3),
         "gripper_qvel": ("grippers", 3),
+        "twist": (1,),
     }
     inputs = {  # noqa: RUF012
         "targets": ("grippers", (3,), "float64"),
@@ -76,6 +78,7 @@ class ClothBatchSolver(solver.BatchSolver):
     after_layers: Array
     gripper_qpos: Array
     gripper_qvel: Array
+    twist: Array
 
     def __init__(self, num_envs: int, vertices: int, grippers: int, device: Device | None = None):
         """Allocates zeros, without models.

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from dm_control import mjcf
 
-from softgym_mj.exceptions import UnavailableError
+from softgym_mj.exceptions import InvalidArgumentError, UnavailableError
 from softgym_mj.native.library import CLOTH, load_plugin, open_library
 
 TIMESTEP = 0.01  # [s] A sim step, which the plugin divides into 25 substeps.
@@ -30,6 +30,9 @@ class Material:
         bend: Moment per width and curvature [N m]; of a rope [N m^2].
         bend_weft: If above 0, a sheet bends as an orthotropic plate: `bend` along its rest shape's
             X, `bend_weft` across it, and `bend_bias`, or if 0 their mean, between them [N m].
+        twist: If above 0, a rope twists: moment per twist [N m^2].
+        twist_clamped: Whether the frames of a twisting rope's ends are held even while its end
+            vertices are not.
         stretch_damping, bend_damping: Dashpots as a multiple of the stiffness [s].
         friction: Friction coefficient between layers.
         drag: Coefficient of air drag for motion along the normal.
@@ -49,10 +52,12 @@ class Material:
     conaffinity: int = 1
     bend_weft: float = 0.0
     bend_bias: float = 0.0
+    twist: float = 0.0
+    twist_clamped: int = 0
 
 
 # Attributes that are written only if not 0, so that models load with older builds of the plugin.
-_OPTIONAL = ("bend_weft", "bend_bias")
+_OPTIONAL = ("bend_weft", "bend_bias", "twist", "twist_clamped")
 
 
 def add_instance(root: mjcf.RootElement) -> mjcf.Element:
@@ -66,17 +71,17 @@ def add_instance(root: mjcf.RootElement) -> mjcf.Element:
 
 
 @functools.cache
-def _check_knows_plates() -> None:
-    """Raises `UnavailableError` if the built plugin does not support plates."""
+def _check_supported(attribute: str) -> None:
+    """Raises `UnavailableError` if the built plugin does not have an optional attribute."""
     load_plugin()
-    config = f'<config key="{_OPTIONAL[0]}" value="0"/>'
+    config = f'<config key="{attribute}" value="0"/>'
     instance = f'<plugin plugin="{CLOTH}"><instance name="a">{config}</instance></plugin>'
     try:
         mujoco.MjModel.from_xml_string(f"<mujoco><extension>{instance}</extension></mujoco>")
     except ValueError as error:  # In any case: no flex carries it.
         if "unrecognized" in str(error):
             raise UnavailableError(
-                f"the engine plugins are older than this package and do not know {_OPTIONAL[0]!r}: "
+                f"the engine plugins are older than this package and do not know {attribute!r}: "
                 "build them again, with `make native` or as they were built."
             ) from error
 
@@ -85,14 +90,14 @@ def set_material(instance: mjcf.Element, material: Material) -> None:
     """Sets the material of an instance's flex.
 
     Raises:
-        UnavailableError: If it is a plate and the built plugin does not support plates.
+        UnavailableError: If it is a plate or twists, and the built plugin does not support that.
     """
     for config in list(instance.config):
         if config.key in _OPTIONAL:
             config.remove()
     for name in _OPTIONAL:
         if getattr(material, name) > 0.0:
-            _check_knows_plates()
+            _check_supported(name)
             instance.add("config", key=name)
     for config in instance.config:
         config.value = repr(getattr(material, config.key))
@@ -135,6 +140,8 @@ def _library() -> ctypes.CDLL:
     library.softgym_mj_cloth_contacts.argtypes = [pointer, pointer, pointer, ctypes.c_int]
     library.softgym_mj_cloth_holding_force.argtypes = [pointer, pointer, ctypes.c_int]
     library.softgym_mj_cloth_holding_force.restype = ctypes.c_double
+    library.softgym_mj_cloth_twist.argtypes = [pointer, pointer, ctypes.c_int]
+    library.softgym_mj_cloth_twist.restype = ctypes.POINTER(ctypes.c_double)
     return library
 
 
@@ -158,3 +165,18 @@ def holding_force(model: mujoco.MjModel, data: mujoco.MjData, vertex: int) -> fl
     `vertex` is an index of the model. The force is part of the plugin state in mjData.
     """
     return _library().softgym_mj_cloth_holding_force(model._address, data._address, vertex)
+
+
+def twist_angle(model: mujoco.MjModel, data: mujoco.MjData, flex: int) -> np.ndarray:
+    """Returns the twist angle (1,) [rad] of a flex, a view of the plugin state in mjData.
+
+    It is the right-handed roll of the last edge's frame relative to that of the first edge, carried
+    along the rope by parallel transport. Writing it turns the ends.
+
+    Raises:
+        InvalidArgumentError: If the flex does not twist.
+    """
+    address = _library().softgym_mj_cloth_twist(model._address, data._address, flex)
+    if not address:
+        raise InvalidArgumentError("flex", flex, "a rope with a `twist` above 0")
+    return np.ctypeslib.as_array(address, (1,))

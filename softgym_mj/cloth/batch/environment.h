@@ -60,7 +60,7 @@ struct Environment {
 
   // State: `valid` is 1 once the other arrays are valid (Kept). Grippers (grippers, 3) [m], [m/s].
   double *valid, *qpos, *qvel, *reference, *after_edge, *holding_force, *after_layers;
-  double *gripper_qpos, *gripper_qvel;
+  double *gripper_qpos, *gripper_qvel, *twist;
 
   // Kept between steps: boxes of vertices, and candidates as long as these suffice.
   Step* step;
@@ -79,8 +79,9 @@ struct Environment {
   HingeBlock* hinges;
   float *chain_start, *chain_before, *chain_impulse, *chain_way;
   double *chain_lower, *chain_diagonal, *chain_right, *chain_normal;
-  Boxes *vertex_boxes, *triangle_boxes, *edge_boxes;     // Boxes of items in leaves of eight.
-  Boxes *vertex_leaves, *triangle_leaves, *edge_leaves;  // Boxes of leaves.
+  double *twist_way, *twist_next, *twist_change, *twist_pull;  // As in TwistRow.
+  Boxes *vertex_boxes, *triangle_boxes, *edge_boxes;           // Boxes of items in leaves of eight.
+  Boxes *vertex_leaves, *triangle_leaves, *edge_leaves;        // Boxes of leaves.
   float* normals;
   Pair *found, *pairs;
   LayerBlock* layers;
@@ -162,6 +163,11 @@ inline void TakeMemory(const Model& model, Memory* memory, Environment* w) {
   memory->Take(&w->chain_diagonal, e);
   memory->Take(&w->chain_right, e);
   memory->Take(&w->chain_normal, 3 * e);
+  const int twisted = model.twist > 0 ? e : 0;
+  memory->Take(&w->twist_way, 3 * twisted);
+  memory->Take(&w->twist_next, 3 * twisted);
+  memory->Take(&w->twist_change, twisted);
+  memory->Take(&w->twist_pull, 3 * twisted);
   memory->Take(&w->vertex_boxes, model.vertex_leaves);
   memory->Take(&w->triangle_boxes, model.triangle_leaves);
   memory->Take(&w->edge_boxes, model.edge_leaves);

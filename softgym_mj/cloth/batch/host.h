@@ -13,7 +13,8 @@ struct Batch {
   const char* const* models;  // (num_envs,) Models; environments with null are not stepped.
   char* kept;                 // (num_envs, kept_size) Initially zero.
   char* memory;               // (num_slots, memory_size) Scratch memory.
-  double *valid, *qpos, *qvel, *reference, *after_edge, *holding_force, *after_layers, *gripper_qpos, *gripper_qvel;
+  double *valid, *qpos, *qvel, *reference, *after_edge, *holding_force, *after_layers, *gripper_qpos, *gripper_qvel,
+      *twist;
   const double *targets, *goals;
   const int* held;
   int* begun;        // Number of environments begun on a GPU.

@@ -191,6 +191,11 @@ std::string Write(const mjModel* m, const Workspace& w, const std::vector<int>& 
   }
   model.chains = static_cast<int>(chain_first.size()) - 1;
   model.chain_edges = static_cast<int>(chain_edge.size());
+  for (const TwistRows::Rope& rope : w.solver.twists().ropes()) {
+    model.twist = rope.stiffness;
+    model.twist_ring = rope.is_ring;
+    model.twist_clamped = rope.is_clamped;
+  }
   model.chain_first_at = write(chain_first);
   model.chain_vertex_at = write(chain_vertex);
   model.chain_edge_at = write(chain_edge);

@@ -24,6 +24,8 @@ struct Model {
   float thickness, friction;  // Layers: largest thickness [m], friction coefficient.
   double radius, density;     // [m], [kg/m^2]
   double drag, added_mass;    // As in Material.
+  double twist;               // Moment per twist angle [N m], of the only chain; 0 disables twist.
+  int twist_ring, twist_clamped;
   double plane_point[3], plane_normal[3];
   float plane_friction, gripper_friction, gripper_radius;
 

@@ -28,6 +28,7 @@ inline void StepEnvironmentOf(const Batch& batch, int i, int slot, float* quick 
     w.after_layers = batch.after_layers + 4 * kKeptPairs * vertices;
     w.gripper_qpos = batch.gripper_qpos + 3 * grippers;
     w.gripper_qvel = batch.gripper_qvel + 3 * grippers;
+    w.twist = batch.twist + i;
     Memory kept(batch.kept + batch.kept_size * i), memory(batch.memory + batch.memory_size * slot);
     TakeKept(*w.model, &kept, &w);
     TakeMemory(*w.model, &memory, &w);

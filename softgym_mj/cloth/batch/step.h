@@ -8,6 +8,7 @@
 #include "cloth/batch/layers.h"
 #include "cloth/batch/springs.h"
 #include "cloth/batch/touch.h"
+#include "cloth/batch/twists.h"
 #include "cloth/plugin/drag.h"
 #include "cloth/plugin/sweeps.h"
 
@@ -187,6 +188,7 @@ inline void TwoWayPass(const Environment& w, F sweep) {
 inline void Substep(const Environment& w, int substep, int search_interval) {
   const Model& m = *w.model;
   const int blocks = m.padded / kBlock;
+  PushTwist(w);
   Bend(w, substep);
   EachBlock(0, 4 * m.padded / kLanes, [&](int i) { Move(w.points, kLanes * i); });
   const int left = m.substeps - substep, to_search = search_interval < left ? search_interval : left;
@@ -223,6 +225,7 @@ inline void StepEnvironment(const Environment& w) {
   StartPoints(w);
   for (int g = 0; g < m.grippers; ++g) StartTouch(w, g);
   StartSprings(w);
+  StartTwist(w);
   StartPlane(w);
   StartAirOf(w);
   Each(3 * w.step->num_driven, [&](int i) { w.given[i] = 0; });
@@ -237,6 +240,7 @@ inline void StepEnvironment(const Environment& w) {
     w.holding_force[v] = std::sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]);
   });
   FinishMotion(w);
+  EndTwist(w);
   Each(3 * m.vertices, [&](int i) {
     w.qvel[i] = w.speed[i];
     w.qpos[i] += w.motion[i];

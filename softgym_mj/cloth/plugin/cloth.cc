@@ -18,10 +18,11 @@
 namespace softgym_mj::cloth {
 namespace {
 
-constexpr const char* kAttributes[] = {"stretch",         "shear",        "bend",     "bend_weft", "bend_bias",
-                                       "stretch_damping", "bend_damping", "friction", "drag",      "added_mass",
-                                       "contype",         "conaffinity",  "substeps", "sweeps",    "contact_stiffness",
-                                       "contact_damping"};
+constexpr const char* kAttributes[] = {
+    "stretch",         "shear",        "bend",         "bend_weft", "bend_bias",
+    "stretch_damping", "bend_damping", "friction",     "drag",      "added_mass",
+    "contype",         "conaffinity",  "substeps",     "sweeps",    "contact_stiffness",
+    "contact_damping", "twist",        "twist_clamped"};
 
 // Returns the state size of a leading instance. The compiler calls it when only the sizes of flexes are known.
 int NumState(const mjModel* m, int instance) {
@@ -30,7 +31,7 @@ int NumState(const mjModel* m, int instance) {
   std::snprintf(reason, kReasonSize, "%s", kNoMemory);
   WithinMemory([&] { std::snprintf(reason, kReasonSize, "%s", CheckLimits(m).c_str()); });
   if (*reason) Fail(m, instance, reason);
-  return StateSize(m);
+  return StateSize(m) + TwistSize(m, Twists(m, instance));
 }
 
 // The compiler creates an mjData for every model, so errors in the model are raised here.
@@ -90,6 +91,7 @@ void TryToAdvance(const mjModel* m, mjData* d, int instance) {
   Apply(d, *w);
   w->solids.Apply(m, d, w->settings.substeps);
   w->tied.Finish(m, d, &w->motion);
+  w->solver.EndTwist(w->start, w->motion);
   ApplyToLed(m, d, *w);
   w->solids.KeepSides(sides);
 }

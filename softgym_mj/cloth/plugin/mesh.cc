@@ -135,12 +135,15 @@ void AddChains(const Material& material, int first_edge, Mesh* mesh) {
   }
   for (const Mesh::Chain& chain : mesh->chains) {
     if (chain.edge[0] < first_edge) continue;
-    for (size_t i = 1; i < chain.edge.size(); ++i) {
-      const double a = mesh->edges[chain.edge[i - 1]].length, b = mesh->edges[chain.edge[i]].length;
+    // A ring bends at its first vertex, too, if it twists.
+    const size_t size = chain.edge.size(), end = material.twist > 0 && chain.IsRing() ? size + 1 : size;
+    for (size_t i = 1; i < end; ++i) {
+      const int next = chain.edge[i % size];
+      const double a = mesh->edges[chain.edge[i - 1]].length, b = mesh->edges[next].length;
       if (!(a > 0 && b > 0)) continue;
       const double l = (a + b) / 2;
       // The weights of equal pieces are 1, -2, 1.
-      mesh->hinges.push_back({{chain.vertex[i - 1], chain.vertex[i], chain.vertex[i + 1], -1},
+      mesh->hinges.push_back({{chain.vertex[i - 1], chain.vertex[i], chain.vertex[i < size ? i + 1 : 1], -1},
                               {l / a, -l / a - l / b, l / b, 0},
                               material.bend / (l * l * l),
                               material.bend_damping});

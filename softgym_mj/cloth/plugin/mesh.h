@@ -25,6 +25,9 @@ struct Material {
   double drag = 0;                   // Coefficient of the air's drag on what moves along its normal.
   double added_mass = 0;             // [kg/m^2] Of air that is moved along with it.
   int contype = 1, conaffinity = 1;  // Geoms that it touches, as in MuJoCo.
+  double twist = 0;                  // [N m^2] Of a rope, moment per twist; 0 disables twist (twist.h).
+  // Whether the frames of both ends are held. If 0, those of held vertices are, and a free end unwinds the rope.
+  int twist_clamped = 0;
 };
 
 // Region of a point on a triangle: the set of corners with weight, as bits.
@@ -48,6 +51,8 @@ struct Mesh {
   // Edges of a rope from end to end, or once around. vertex has one more entry than edge.
   struct Chain {
     std::vector<int> vertex, edge;
+
+    bool IsRing() const { return vertex.front() == vertex.back(); }
   };
   // A bending element: a linear combination K of positions that is 0 in the unbent state.
   struct Hinge {

@@ -39,6 +39,17 @@ SGM_EXPORT int softgym_mj_cloth_contacts(const mjModel* m, const mjData* d, soft
   return count;
 }
 
+// Returns where the twist angle [rad] of a flex of the model is in the plugin state; null if it does not twist.
+SGM_EXPORT double* softgym_mj_cloth_twist(const mjModel* m, mjData* d, int flex) {
+  using namespace softgym_mj::cloth;
+  int instance;
+  const Workspace* w = FindWorkspace(m, d, &instance);
+  for (size_t p = 0; w && p < w->mesh.flexes.size(); ++p) {
+    if (w->mesh.flexes[p] == flex && w->mesh.materials[p].twist > 0) return TwistOf(m, d, instance) + p;
+  }
+  return nullptr;
+}
+
 // Returns the mean force [N] of the flex on a held vertex of the model in the last step, from the plugin state.
 SGM_EXPORT double softgym_mj_cloth_holding_force(const mjModel* m, mjData* d, int vertex) {
   using namespace softgym_mj::cloth;

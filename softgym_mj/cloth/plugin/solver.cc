@@ -37,6 +37,7 @@ void Solver::Reset(const Mesh& mesh, const Settings& settings, double timestep) 
   edges_.Reset(mesh, h_);
   hinges_.Reset(mesh, h_);
   chains_.Reset(mesh, h_);
+  twists_.Reset(mesh, h_);
   layers_.Reset(mesh, *kernels_);
 }
 
@@ -104,6 +105,7 @@ void Solver::Substep(int substep, Solids* solids, Tied* tied) {
     tied->Pass(points_);
   };
   tied->Release(points_);
+  twists_.Push(points_);
   hinges_.Bend(*kernels_, points_, substep);
   kernels_->Move(points_);
   solids->Move();
@@ -150,6 +152,7 @@ bool Solver::Step(const Mesh& mesh, const Start& start, const std::vector<PlaneC
   edges_.Start(start, kept.after_edge);
   hinges_.Start(start.position);
   chains_.Start(start.position, kept.after_edge);
+  twists_.Start(start, kept.twist);
   planes_.Start(mesh, start, planes, solids->TouchesBodies() ? &layers_ : nullptr, points_, timestep_);
   moves_air_ = StartAir(mesh, start, layers_.pairs, planes_, &air_);
   holding_forces_.assign(3 * mesh.NumVertices(), 0);

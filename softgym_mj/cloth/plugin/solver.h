@@ -17,6 +17,7 @@
 #include "cloth/plugin/start.h"
 #include "cloth/plugin/state.h"
 #include "cloth/plugin/tied.h"
+#include "cloth/plugin/twists.h"
 #include "native/aligned.h"
 
 namespace softgym_mj::cloth {
@@ -38,12 +39,16 @@ class Solver {
   bool Step(const Mesh& mesh, const Start& start, const std::vector<PlaneContact>& planes, Solids* solids, Tied* tied,
             const Kept& kept, Motion* motion);
 
+  // Ends the twist of a step, once tied vertices have their motion.
+  void EndTwist(const Start& start, const Motion& motion) { twists_.End(start, motion); }
+
   double substep() const { return h_; }
   const ContactRow& contact() const { return contact_; }
   const ContactRow& plane_row() const { return plane_row_; }
   const EdgeRows& edges() const { return edges_; }
   const HingeRows& hinges() const { return hinges_; }
   const ChainRows& chains() const { return chains_; }
+  const TwistRows& twists() const { return twists_; }
   const Layers& layers() const { return layers_; }
 
  private:
@@ -70,6 +75,7 @@ class Solver {
   EdgeRows edges_;
   HingeRows hinges_;
   ChainRows chains_;
+  TwistRows twists_;
   Planes planes_;
   Layers layers_;
   Driven driven_;

@@ -13,12 +13,17 @@ int StateSize(const mjModel* m) {
          Solids::kNumSides;
 }
 
+int TwistSize(const mjModel* m, bool twists) { return twists ? static_cast<int>(m->nflex) : 0; }
+
 bool HasState(const mjModel* m, const mjData* d, int instance) {
   return d->plugin_state[m->plugin_stateadr[instance]] == 1;
 }
 
 bool IsSane(const mjModel* m, const mjData* d, int instance, const Mesh& mesh) {
   const int size = 1 + 4 * mesh.NumVertices() + static_cast<int>(mesh.edges.size());
+  // The twist is set before the rest is initialized.
+  const int twists = m->plugin_statenum[instance] - StateSize(m);
+  if (!AreSane(TwistOf(m, d, instance), twists)) return false;
   return !HasState(m, d, instance) || AreSane(d->plugin_state + m->plugin_stateadr[instance], size);
 }
 
@@ -31,11 +36,15 @@ Kept StateOf(const mjModel* m, mjData* d, int instance, const Mesh& mesh, const 
     std::copy(start.position.begin(), start.position.end(), state + 1);
   }
   double *edges = state + 1 + 3 * count, *forces = edges + mesh.edges.size();
-  return {state + 1, edges, forces, forces + count};
+  return {state + 1, edges, forces, forces + count, TwistOf(m, d, instance)};
 }
 
 mjtNum* SidesOf(const mjModel* m, mjData* d, int instance) {
   return d->plugin_state + m->plugin_stateadr[instance] + StateSize(m) - Solids::kNumSides;
+}
+
+mjtNum* TwistOf(const mjModel* m, const mjData* d, int instance) {
+  return d->plugin_state + m->plugin_stateadr[instance] + StateSize(m);
 }
 
 }  // namespace softgym_mj::cloth

@@ -19,10 +19,13 @@ struct Kept {
   double* after_edge;     // (edges,) Elongation of edges after their last sweep [m].
   double* holding_force;  // (n,) Mean force of the edges on a held vertex in the step [N]; 0 for others.
   double* after_layers;   // (2 n, 4) Pushing pairs of layers (`Layers::Keep`).
+  double* twist;          // (flexes,) Twist angle of each flex [rad], if any flex twists.
 };
 
-// Size of the state: whether it is initialized, the arrays of `Kept`, and the entry faces of `Solids`.
+// Size of the state without twist: whether it is initialized, the arrays of `Kept`, and the entry faces of `Solids`.
 int StateSize(const mjModel* m);
+// Size of the twist that follows if `twists`.
+int TwistSize(const mjModel* m, bool twists);
 // Whether the state is initialized.
 bool HasState(const mjModel* m, const mjData* d, int instance);
 // Whether its positions, lengths and forces, if initialized, are finite and not huge; other numbers are arbitrary.
@@ -30,6 +33,7 @@ bool IsSane(const mjModel* m, const mjData* d, int instance, const Mesh& mesh);
 // Returns the state; initializes it in the first step.
 Kept StateOf(const mjModel* m, mjData* d, int instance, const Mesh& mesh, const Start& start);
 mjtNum* SidesOf(const mjModel* m, mjData* d, int instance);
+mjtNum* TwistOf(const mjModel* m, const mjData* d, int instance);
 
 }  // namespace softgym_mj::cloth
 

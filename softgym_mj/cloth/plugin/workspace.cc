@@ -93,6 +93,17 @@ std::string CheckFlex(const mjModel* m, int f) {
   return "";
 }
 
+// A flex that twists must be one rope from end to end, or one ring.
+std::string CheckTwist(const mjModel* m, const Mesh& mesh) {
+  for (size_t p = 0; p < mesh.flexes.size(); ++p) {
+    const auto belongs = [&](const Mesh::Chain& chain) { return mesh.part[chain.vertex[0]] == static_cast<int>(p); };
+    if (mesh.materials[p].twist > 0 && std::count_if(mesh.chains.begin(), mesh.chains.end(), belongs) != 1) {
+      return FlexName(m, mesh.flexes[p]) + " cannot twist: expected a rope without branches, or one ring.";
+    }
+  }
+  return "";
+}
+
 std::string ParseMaterial(const mjModel* m, int instance, Material* out) {
   AttributeReader read(m, instance);
   read.Numbers("stretch", &out->stretch, 1, 1e-3, 1e6);
@@ -107,6 +118,8 @@ std::string ParseMaterial(const mjModel* m, int instance, Material* out) {
   read.Numbers("added_mass", &out->added_mass, 1, 0, 100);
   read.Numbers("contype", &out->contype, 1, 0, 1 << 30);
   read.Numbers("conaffinity", &out->conaffinity, 1, 0, 1 << 30);
+  read.Numbers("twist", &out->twist, 1, 0, 1);
+  read.Numbers("twist_clamped", &out->twist_clamped, 1, 0, 1);
   return read.error();
 }
 
@@ -129,6 +142,15 @@ Vertex FindVertex(const mjModel* m, int body) {
 
 bool Leads(const mjModel* m, int instance) {
   return std::find(m->plugin, m->plugin + instance, m->plugin[instance]) == m->plugin + instance;
+}
+
+bool Twists(const mjModel* m, int instance) {
+  for (int other = 0; other < m->nplugin; ++other) {
+    double twist = 0;
+    if (m->plugin[other] == m->plugin[instance]) AttributeReader(m, other).Numbers("twist", &twist, 1, 0, 1);
+    if (twist > 0) return true;
+  }
+  return false;
 }
 
 Workspace* FindWorkspace(const mjData* d) { return All().Find(d); }
@@ -183,6 +205,8 @@ std::string Open(const mjModel* m, int instance, Workspace* w) {
     if (!rails.empty()) return rails;
   }
   w->mesh = MakeMesh(m, w->flexes, materials);
+  const std::string branched = CheckTwist(m, w->mesh);
+  if (!branched.empty()) return branched;
   w->solver.Reset(w->mesh, settings, m->opt.timestep);
   w->settings = settings;
   const std::string wrong = CheckGeoms(m, w->mesh);

@@ -59,6 +59,9 @@ struct Workspace {
 // Whether an instance is the leading one, the first, which solves for all. Each flex has one with its material.
 bool Leads(const mjModel* m, int instance);
 
+// Whether the material of any flex of an instance's kind twists.
+bool Twists(const mjModel* m, int instance);
+
 // Returns the workspace of an mjData; null if it has none.
 Workspace* FindWorkspace(const mjData* d);
 // Returns the workspace of the leading instance `found`; null if the model has none.

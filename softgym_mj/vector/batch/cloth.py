@@ -137,6 +137,7 @@ class ClothBatch(BatchPhysics):
         }.items():
             size = math.prod(shape)
             found[name], rest = rest[:size].reshape(shape), rest[size:]
+        found["twist"] = np.zeros(1)  # The ropes of tasks do not twist.
         return found
 
     def _grippers(self) -> list[int]:
