@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -10,7 +11,7 @@ from dm_control import mjcf
 from softgym_mj.cloth import solver
 from softgym_mj.entities.entity import Entity
 from softgym_mj.entities.mesh_distances import MeshDistances
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import InvalidArgumentError, check_number
 from softgym_mj.metrics import Array, lengths, namespace, taken
 from softgym_mj.variations.parametric import Parametric
 
@@ -143,7 +144,7 @@ class Flex(Entity, Parametric):
         solver.leave_to_plugin(flexcomp, self._instance)
         return flexcomp
 
-    def _set_material(self, **properties: float) -> None:
+    def _set_material(self, **properties: Any) -> None:
         """Sets `solver.Material`'s attributes except for contact bits."""
         material = solver.Material(
             contype=OBJECT_CONTACT, conaffinity=OBJECT_CONTACT | GRIPPER_CONTACT, **properties
@@ -174,6 +175,7 @@ class Flex(Entity, Parametric):
         self.origin = np.array(model.body_pos[bodies])
         self.slides, self.slide_velocities = slide_views(model, data, bodies)
         self._dof_mass = model.dof_M0
+        self._flex = flex
         self._model, self._data = model, data
         solver.forget_damping(model)
         edges = slice(model.flex_edgeadr[flex], model.flex_edgeadr[flex] + model.flex_edgenum[flex])
@@ -213,6 +215,40 @@ class Flex(Entity, Parametric):
     def edge_strain(self) -> np.ndarray:
         """Returns relative elongations (num_edges,) of edges: 0 at rest, < 0 if compressed."""
         return edge_strains(self.points(), self.edges, self.rest_lengths)
+
+    # ------------------------------------------------------------------ twist
+
+    @property
+    def twist_angle(self) -> float:
+        """Twist [rad] of a rope: right-handed roll of the last edge relative to the first one.
+
+        It is 0 unless both end vertices are held, and follows their rope's writhe then.
+
+        Raises:
+            InvalidArgumentError: If the flex does not twist.
+        """
+        return float(solver.twist_angle(self._model, self._data, self._flex)[0])
+
+    def turn_end(self, index: int, angle: float) -> None:
+        """Rolls the frame of a held end by `angle` [rad] about the rope's direction at that end.
+
+        Grips hold frames without roll otherwise. The direction leads from the first vertex to the
+        last one.
+
+        Args:
+            index: 0 or `num_points - 1`.
+            angle: Right-handed angle.
+
+        Raises:
+            InvalidArgumentError: If the flex does not twist, the vertex is no held end, or the
+                angle is not finite.
+        """
+        twist = solver.twist_angle(self._model, self._data, self._flex)
+        ends = {0: -1.0, self.num_points - 1: 1.0}
+        if index not in ends or index not in self._held:
+            raise InvalidArgumentError("index", index, [end for end in ends if end in self._held])
+        check_number("angle", angle, gt=-math.inf, lt=math.inf)
+        twist += ends[index] * angle
 
     # ------------------------------------------------------------------ holding vertices
 

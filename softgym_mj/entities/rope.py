@@ -6,7 +6,7 @@ import numpy as np
 
 from softgym_mj.entities.flex import Color, Flex
 from softgym_mj.entities.room import add_material
-from softgym_mj.exceptions import check_name
+from softgym_mj.exceptions import check_name, check_number
 from softgym_mj.native.meshes import ROPE, tube, tube_faces
 from softgym_mj.rendering.look import FAST, ROPE_SURFACE, Look
 from softgym_mj.rendering.patterns import ROPES
@@ -62,21 +62,30 @@ class Rope(Flex):
     max_tracking_error = 0.04
 
     @typed
-    def _build(self, fidelity: str = "default", color: Color = COLOR, name: str = "rope"):
+    def _build(
+        self,
+        fidelity: str = "default",
+        color: Color = COLOR,
+        name: str = "rope",
+        twist: float = 0.0,
+    ):
         """Builds the rope.
 
         Args:
             fidelity: "fast", "default" or "accurate": 31, 41 or 61 vertices.
             color: (r, g, b, a) in 0..1.
             name: model name.
+            twist: twist stiffness, moment per twist [N m^2], at most 1; 0 disables twist, above
+                it grips that hold both ends hold their frames, too.
 
         Raises:
-            InvalidArgumentError: if there is no such fidelity.
+            InvalidArgumentError: if there is no such fidelity or stiffness.
         """
         check_name("fidelity", fidelity, FIDELITIES)
+        check_number("twist", twist, ge=0.0, le=1.0)
         count = FIDELITIES[fidelity]
         radius = min(RADIUS, LENGTH / (count - 1) / 2)
-        self._color, self._look = tuple(color), FAST
+        self._color, self._look, self._twist = tuple(color), FAST, twist
         self._start_model(name)
         points = np.zeros((count, 3))
         points[:, 0] = np.linspace(-LENGTH / 2, LENGTH / 2, count)
@@ -128,6 +137,7 @@ class Rope(Flex):
             stretch_damping=STRETCH_DAMPING,
             bend_damping=values["bend_damping"],
             friction=values["friction"],
+            twist=self._twist,
         )
 
     @property
