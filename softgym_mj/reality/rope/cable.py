@@ -29,6 +29,8 @@ class Properties:
         air_damping: Force of the air per length and speed [N s/m^2].
         radius: Half the thickness [m].
         length: Rest length between markers, relative to the measured one.
+        twist: Moment per twist [N m^2]; 0 means that the cable does not resist twist.
+        friction: Friction coefficient of the cable on itself and on others.
     """
 
     density: float
@@ -39,6 +41,8 @@ class Properties:
     air_damping: float
     radius: float
     length: float = 1.0
+    twist: float = 0.0
+    friction: float = 0.0
 
     def __post_init__(self):
         for field in dataclasses.fields(self):
@@ -65,6 +69,7 @@ class Cable(Flex):
         elements = np.column_stack([indices[:-1], indices[1:]])
         flexcomp = self._add_flexcomp(points, elements, radius=properties.radius)
         flexcomp.mass = properties.density * points[-1, 0]
+        flexcomp.contact.friction = [properties.friction]
         self._properties = properties
         self._set_parameters()
         self._instance.add("config", key="substeps", value=str(SUBSTEPS))
@@ -75,6 +80,8 @@ class Cable(Flex):
             bend=self._properties.bend,
             stretch_damping=self._properties.stretch_damping,
             bend_damping=self._properties.bend_damping,
+            twist=self._properties.twist,
+            friction=self._properties.friction,
         )
 
     def after_compile(self, physics, random_state):
