@@ -140,8 +140,6 @@ def _library() -> ctypes.CDLL:
     library.softgym_mj_cloth_contacts.argtypes = [pointer, pointer, pointer, ctypes.c_int]
     library.softgym_mj_cloth_holding_force.argtypes = [pointer, pointer, ctypes.c_int]
     library.softgym_mj_cloth_holding_force.restype = ctypes.c_double
-    library.softgym_mj_cloth_twist.argtypes = [pointer, pointer, ctypes.c_int]
-    library.softgym_mj_cloth_twist.restype = ctypes.POINTER(ctypes.c_double)
     return library
 
 
@@ -175,8 +173,13 @@ def twist_angle(model: mujoco.MjModel, data: mujoco.MjData, flex: int) -> np.nda
 
     Raises:
         InvalidArgumentError: If the flex does not twist.
+        UnavailableError: If the built plugin does not support twist.
     """
-    address = _library().softgym_mj_cloth_twist(model._address, data._address, flex)
+    _check_supported("twist")
+    find = _library().softgym_mj_cloth_twist
+    find.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int]
+    find.restype = ctypes.POINTER(ctypes.c_double)
+    address = find(model._address, data._address, flex)
     if not address:
         raise InvalidArgumentError("flex", flex, "a rope with a `twist` above 0")
     return np.ctypeslib.as_array(address, (1,))
