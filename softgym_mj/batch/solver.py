@@ -62,6 +62,7 @@ class BatchSolver:
         kind: Kind of the library's functions.
         fields: Shapes of state arrays by name: the first size is a name of `sizes` or a number.
             Each array (num_envs, size, ...) is an attribute of its name.
+        last_fields: Names of fields that the struct `Batch` has at its end.
         inputs: Shapes and dtypes of the inputs of a step by name.
         device: Device of the arrays.
         models: Models (num_envs,) int64 from `load`; environments with 0 are not stepped.
@@ -73,6 +74,7 @@ class BatchSolver:
     kind: str
     fields: Mapping[str, tuple[str | int, *tuple[int, ...]]]
     inputs: Mapping[str, Shape]
+    last_fields: tuple[str, ...] = ()
 
     def __init__(self, num_envs: int, sizes: Mapping[str, int], device: Device | None = None):
         """Allocates zeros, without models.
@@ -193,8 +195,9 @@ class BatchSolver:
             self.models,
             self._kept,
             self._memory,
-            *(getattr(self, name) for name in self.fields),
+            *(getattr(self, name) for name in self.fields if name not in self.last_fields),
         ]
         arrays += [*self._inputs.values(), *self.queue.arrays, self.flags]
+        arrays += [getattr(self, name) for name in self.last_fields]
         pointers = [self.device.address(array) for array in arrays]
         return self.device.put(np.concatenate([sizes, np.array(pointers, np.int64)]))

@@ -64,6 +64,7 @@ class ClothBatchSolver(solver.BatchSolver):
         "gripper_qvel": ("grippers", 3),
         "twist": (1,),
     }
+    last_fields = ("twist",)
     inputs = {  # noqa: RUF012
         "targets": ("grippers", (3,), "float64"),
         "goals": ("grippers", (3,), "float64"),

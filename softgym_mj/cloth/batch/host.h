@@ -13,14 +13,14 @@ struct Batch {
   const char* const* models;  // (num_envs,) Models; environments with null are not stepped.
   char* kept;                 // (num_envs, kept_size) Initially zero.
   char* memory;               // (num_slots, memory_size) Scratch memory.
-  double *valid, *qpos, *qvel, *reference, *after_edge, *holding_force, *after_layers, *gripper_qpos, *gripper_qvel,
-      *twist;
+  double *valid, *qpos, *qvel, *reference, *after_edge, *holding_force, *after_layers, *gripper_qpos, *gripper_qvel;
   const double *targets, *goals;
   const int* held;
   int* begun;        // Number of environments begun on a GPU.
   const int* order;  // (num_envs,) Their order.
   long long* cost;   // (num_envs,) GPU cycles of the last step.
   int* flags;        // (num_envs,) Bits of `Flag`, which accumulate.
+  double* twist;     // Last, so that builds without twist read the rest.
 };
 
 // Steps environment `i` in a slot; `turns`: order of iterations (group.h).
