@@ -175,7 +175,8 @@ def rope(
 
     One cable takes a minute or two on one core.
     """
-    from softgym_mj.reality.rope.identification import identify, spread
+    from softgym_mj.reality.fitting import spread
+    from softgym_mj.reality.rope.identification import identify
     from softgym_mj.reality.rope.recordings import CABLES, read_recordings
 
     chosen = {
