@@ -61,6 +61,9 @@ Split = Annotated[str, typer.Option(help="train, evaluate or all.")]
 CableRecordings = Annotated[
     pathlib.Path | None, typer.Argument(help="Folder data_set of the recordings (docs/reality.md).")
 ]
+ClothRecordings = Annotated[
+    pathlib.Path | None, typer.Argument(help="Folder of the CSV files of a session.")
+]
 Cables = Annotated[list[str] | None, typer.Option(help="DLO1 to DLO5, repeatable; default: all.")]
 
 

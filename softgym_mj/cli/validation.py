@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from softgym_mj.cli.console import CableRecordings, Cables, console
+from softgym_mj.cli.console import CableRecordings, Cables, ClothRecordings, console
 from softgym_mj.storage.files import make_folder, read_json, write_json
 
 app = typer.Typer(
@@ -179,3 +179,62 @@ def water(
         console.print(f"wrote {out}")
     if failed:
         raise typer.Exit(1)
+
+
+_CLOTH_LINE = "{:<26} {:>9} {:>9} {:>8} {:>7} {:>9} {}"
+
+
+@app.command()
+def cloth(
+    folder: ClothRecordings = None,
+    identified: Annotated[
+        pathlib.Path | None, typer.Option(help="Properties: a file of `identify cloth`.")
+    ] = None,
+    out: Annotated[pathlib.Path | None, typer.Option(help="JSON file of the results.")] = None,
+) -> None:
+    """Predicts a recorded cloth from the motion of the tool that holds it; downloads nothing.
+
+    Errors are mean distances of tracked nodes in every fourth recording, open loop.
+    """
+    from softgym_mj.reality.cloth import experiment, identification, simulation
+    from softgym_mj.reality.cloth.recordings import SOURCE, read_recordings
+    from softgym_mj.reality.cloth.scenario import NothingMoves, RigidSheet, Solver, grip_of
+
+    found = None
+    if identified is not None:
+        found = identification.Identified.from_json(read_json(identified))
+    recordings = read_recordings(folder)
+    first, test = experiment.split(recordings)
+    grip = grip_of(first)
+    quality = experiment.quality(recordings, grip)
+    console.print(
+        f"{len(recordings)} recordings, {quality.frames} frames: {quality.complete} have all nodes,"
+        f" {quality.counted} of these count; noise at rest {1e3 * quality.noise:.1f} mm"
+    )
+    solvers: list[Solver] = [NothingMoves(), RigidSheet()]
+    solvers.append(simulation.ClothSolver("cloth, assumed", grip, simulation.ASSUMED))
+    if found is not None:
+        solvers.append(simulation.ClothSolver("cloth, identified", grip, found.properties))
+    titles = "mean [mm]", "held edge", "far edge", "worst", "real time", "models"
+    typer.echo(_CLOTH_LINE.format("solver", *titles))
+    measured = []
+    for solver in solvers:
+        m = experiment.measure(solver, test, grip)
+        measured.append(dataclasses.asdict(m))
+        values = m.error, m.held_error, m.far_error, m.worst
+        speed = f"{m.real_time_factor:.0f}" if m.models else ""
+        numbers = [f"{1e3 * v:.1f}" for v in values]
+        typer.echo(_CLOTH_LINE.format(m.solver, *numbers, speed, ", ".join(m.models)))
+    if out is not None:
+        result = {
+            "source": SOURCE,
+            "tests": [recording.name for recording in test],
+            "quality": dataclasses.asdict(quality),
+            "pitch": grip.pitch,
+            "lengths": grip.lengths.tolist(),
+            "assumed": dataclasses.asdict(simulation.ASSUMED),
+            "identified": None if found is None else dataclasses.asdict(found),
+            "measurements": measured,
+        }
+        write_json(out, result)
+        console.print(f"wrote {out}")

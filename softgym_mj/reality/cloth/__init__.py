@@ -1,0 +1,1 @@
+"""A cloth on a robot's tool, simulated against recordings of a camera that tracked its nodes."""
