@@ -2,7 +2,8 @@
 
 That is docs/cameras.json, docs/experts.json, docs/throughput.json, docs/vector.json, those of
 tools/gpu_tables.py and tools/identification_tables.py, docs/lab.csv,
-docs/rope_recordings.json, docs/water_recordings.json, and docs/results.
+docs/rope_recordings.json, docs/cloth_recordings.json, docs/water_recordings.json, and
+docs/results.
 """
 
 import json
@@ -17,6 +18,7 @@ from softgym_mj.registry import TASKS
 from softgym_mj.robots.arm.models import ARMS
 from softgym_mj.variations.randomization import Parameter
 from tools import (
+    cloth_tables,
     framing,
     gallery,
     gpu_tables,
@@ -237,7 +239,8 @@ def pages() -> dict[pathlib.Path, str]:
         texts[GPU] = between(texts[GPU], name, of())
     for name, of in identification_tables.TABLES.items():
         texts[FOUND] = between(texts[FOUND], name, of())
-    for name, of in (lab_tables.TABLES | rope_tables.TABLES | water_tables.TABLES).items():
+    reality = lab_tables.TABLES | rope_tables.TABLES | cloth_tables.TABLES | water_tables.TABLES
+    for name, of in reality.items():
         texts[REALITY] = between(texts[REALITY], name, of())
     texts[PHYSICS] = between(texts[PHYSICS], "lab", lab_tables.kept())
     texts[LEARNING] = between(texts[LEARNING], "presets", presets.presets())
