@@ -217,5 +217,5 @@ def test_teachers_of_images_are_refused(tmp_path, monkeypatch, observed):
     monkeypatch.setattr(
         "softgym_mj.policies.exported.observes", lambda name: {"observation": observed}
     )
-    with pytest.raises(InvalidArgumentError, match="a policy of states"):
+    with pytest.raises(InvalidArgumentError, match="a state policy"):
         training._teacher(str(file), True)

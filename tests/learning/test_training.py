@@ -325,7 +325,7 @@ def test_bad_arguments_of_tasks_are_refused(tmp_path, arguments, message):
         ({"hidden": [0]}, "hidden=0"),
         ({"hidden": [10**9]}, "hidden=1000000000"),
         ({"batch": 10**12}, "batch=1000000000000"),
-        ({"replay": 10**12}, "replay of sac cannot be made"),
+        ({"replay": 10**12}, "replay of sac cannot be created"),
         ({"random_steps": 4}, r"random_steps=4 is not valid: expected 0 to 0, .*env_steps=4"),
     ],
 )
