@@ -126,61 +126,6 @@ def rope(
         }
         write_json(out, result)
         console.print(f"wrote {out}")
-
-
-_WATER_LINE = "{:<35} {:<28} {:<14} {:>7} {:>10} {:>7} {:>8}"
-
-
-@app.command()
-def water(
-    folder: Annotated[
-        pathlib.Path | None,
-        typer.Argument(
-            help="Folder with db_exp_data.py, st_exp_data.py and test_case_2_exp_data.dat."
-        ),
-    ] = None,
-    experiment: Annotated[
-        list[str] | None,
-        typer.Option(help="dam_break, spheric, faltinsen or bouscasse, repeatable; default: all."),
-    ] = None,
-    resolution: Annotated[
-        list[str] | None, typer.Option(help="coarse or fine, repeatable; default: both.")
-    ] = None,
-    out: Annotated[pathlib.Path | None, typer.Option(help="JSON file of the results.")] = None,
-) -> None:
-    """Predicts recorded dam breaks and sloshing; downloads nothing.
-
-    The exit status is 1 if an error exceeds its bound.
-    """
-    from softgym_mj.exceptions import check_name
-    from softgym_mj.reality.water.experiment import EXPERIMENTS, RESOLUTIONS, run
-    from softgym_mj.reality.water.recordings import SOURCES
-
-    for name in experiment or ():
-        check_name("experiment", name, EXPERIMENTS)
-    for name in resolution or ():
-        check_name("resolution", name, RESOLUTIONS)
-    titles = "quantity", "setting", "layers", "particles", "off %", "bound %"
-    typer.echo(_WATER_LINE.format("experiment", *titles))
-    result = []
-    for m in run(folder, experiment or EXPERIMENTS, resolution or RESOLUTIONS):
-        result.append(m)
-        bound = "" if m.bound is None else f"{100 * m.bound:.0f}{'' if m.passed else ' !'}"
-        numbers = m.layers, m.particles, f"{100 * m.error:+.1f}", bound
-        quantity = m.quantity if m.delay is None else f"{m.quantity} by {1e3 * m.delay:.0f} ms"
-        typer.echo(_WATER_LINE.format(m.experiment, quantity, m.setting, *numbers))
-    failed = sum(not m.passed for m in result)
-    bounded = sum(m.bound is not None for m in result)
-    console.print(f"{bounded - failed} of {bounded} within their bounds")
-    if out is not None:
-        write_json(
-            out, {"sources": SOURCES, "measurements": [dataclasses.asdict(m) for m in result]}
-        )
-        console.print(f"wrote {out}")
-    if failed:
-        raise typer.Exit(1)
-
-
 _CLOTH_LINE = "{:<26} {:>9} {:>9} {:>8} {:>7} {:>9} {}"
 
 

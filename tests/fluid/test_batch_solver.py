@@ -7,7 +7,6 @@ import softgym_mj
 from softgym_mj.batch.device import CpuDevice
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError
 from softgym_mj.fluid.batch_solver import NOT_FINITE, TOO_MANY_NEIGHBORS, FluidBatchSolver, describe
-from tests.scenes.fluid_cup import FluidCup
 
 
 class _Followed:
@@ -133,8 +132,6 @@ def test_what_does_not_fit_is_refused():
     arm = softgym_mj.load("transport_water", split=[800], actor="franka", fidelity="fast")
     with pytest.raises(InvalidArgumentError, match="without two_way"):
         describe(arm.physics.model.ptr, [])
-    with pytest.raises(InvalidArgumentError, match="the narrow kernel"):
-        describe(FluidCup((3, 3), 3, kernel="wide").model, [])
     followed = _Followed("transport_water", 806)
     model = followed.env.physics.model.ptr
     with pytest.raises(InvalidArgumentError, match="prescribed motion"):

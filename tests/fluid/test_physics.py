@@ -36,14 +36,11 @@ def wall_poses(cup):
     return poses
 
 
-@pytest.mark.parametrize("kernel", ["narrow", "wide"])
-def test_a_step_is_that_of_the_reference(kernel):
+def test_a_step_is_that_of_the_reference():
     """All shapes, moving and turning, with viscosity, cohesion and friction."""
     settings = {"viscosity": 3e-4, "cohesion": 1.5, "friction": 0.2}
-    extra = {"substeps": 4, "kernel": kernel, **settings}
-    cup = FluidCup((6, 6), 5, inside=OBSTACLES, scenery=PLANE, **extra)
-    constants = {"narrow": fluid.NARROW, "wide": fluid.WIDE}[kernel]
-    liquid = fluid.Fluid(spacing=SPACING, substeps=4, kernel=constants, **settings)
+    cup = FluidCup((6, 6), 5, inside=OBSTACLES, scenery=PLANE, substeps=4, **settings)
+    liquid = fluid.Fluid(spacing=SPACING, substeps=4, **settings)
     cup.step()
     turn = np.array([0.5, 1.0, 0.3])
     for step in range(17):

@@ -15,27 +15,17 @@ from tests.oracles.fluid_flexes import NO_FLEXES, Contact, Flexes, find_nearest
 # As in plugin/solver.cc, where the reasons are.
 SUPPORT = 1.83
 REST_DENSITY = 0.632
+WALL_DENSITY = 24.3
+RELAXATION = 0.45
 CORRECTION = 0.4
 CONTACT = 0.3
 VISCOSITY_PASS = 0.7
+LAPLACIAN = 4 * np.pi * SUPPORT**3 / 280 / 6
 # As in plugin/lists.cc.
 NUDGE = 0.01
 # As in plugin/kernels_impl.h.
 DIG_OUT = 0.1
 APPROACH = 0.9
-
-
-@dataclasses.dataclass(frozen=True)
-class Kernel:
-    """Radius in spacings, kernel sum of water at rest and of a wall, and relaxation."""
-
-    support: float = SUPPORT
-    rest_density: float = REST_DENSITY
-    wall_density: float = 24.3
-    relaxation: float = 0.45
-
-
-NARROW, WIDE = Kernel(), Kernel(3.0, 4.888, 169.646, 0.3)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,12 +39,11 @@ class Fluid:
     friction: float = 0.01
     density: float = 1000.0
     max_speed: float = 10.0
-    kernel: Kernel = NARROW
 
     @property
     def radius(self) -> float:
         """Support of the kernel [m]."""
-        return self.kernel.support * self.spacing
+        return SUPPORT * self.spacing
 
     @property
     def particle_mass(self) -> float:
@@ -160,10 +149,9 @@ def _total(count: int, index: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 def _filled(fluid: Fluid, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Returns the share (n,) of kernels filled behind walls at distances, and its slope (n,)."""
-    kernel = fluid.kernel
     u = np.clip(1 - distance / fluid.radius, 0.0, 1.0)
-    share = kernel.wall_density / kernel.rest_density * u**5 * (1 / 20 - u / 30)
-    return share, kernel.wall_density / 3 * u**4 * (1 / 4 - u / 5)
+    share = WALL_DENSITY / REST_DENSITY * u**5 * (1 / 20 - u / 30)
+    return share, WALL_DENSITY / 3 * u**4 * (1 / 4 - u / 5)
 
 
 def _wall_share(fluid: Fluid, wall: Wall, pose: Pose, positions: np.ndarray):
@@ -224,11 +212,11 @@ def _substep(fluid, h, gravity, walls, flexes, fractions, x, v, impulses):
     s = 1 - length / radius
     e = (s**2 / length)[:, None] * offset
     gradient += _total(count, i, e)
-    density = _total(count, i, s**3) + fluid.kernel.rest_density * (1 - free)
-    excess = np.maximum(density / fluid.kernel.rest_density - 1, 0.0)
+    density = _total(count, i, s**3) + REST_DENSITY * (1 - free)
+    excess = np.maximum(density / REST_DENSITY - 1, 0.0)
     squares = (gradient**2).sum(axis=1) + _total(count, i, s**4)
     pressure = excess / (squares + 1e-6)
-    factor = fluid.kernel.relaxation * fluid.kernel.rest_density * scale
+    factor = RELAXATION * REST_DENSITY * scale
     change = factor * (pressure[:, None] * gradient + _total(count, i, pressure[j, None] * e))
     norm = np.linalg.norm(change, axis=1)
     largest = CORRECTION * fluid.spacing
@@ -275,8 +263,7 @@ def _collide(fluid, wall, start, end, old, x, pressure_push):
 def _smooth(fluid, timestep, h, walls, flexes, fraction, x, v, impulses):
     """Viscosity, once a step."""
     count, radius = len(x), fluid.radius
-    laplacian = 4 * np.pi * fluid.kernel.support**3 / 280 / 6
-    total = fluid.viscosity * timestep / (laplacian * radius**2)
+    total = fluid.viscosity * timestep / (LAPLACIAN * radius**2)
     passes = max(1, int(np.ceil(total / VISCOSITY_PASS)))
     viscosity = total / passes
     i, j, offset = _pairs(x, radius)
@@ -287,9 +274,7 @@ def _smooth(fluid, timestep, h, walls, flexes, fraction, x, v, impulses):
         v = v + _total(count, i, viscosity * weight[:, None] * (v[j] - v[i]))
         for k, wall in enumerate(walls):
             start, end = wall.at(fraction), wall.at(1.0)
-            share = np.minimum(
-                viscosity * fluid.kernel.rest_density * _wall_share(fluid, wall, end, x)[0], 1.0
-            )
+            share = np.minimum(viscosity * REST_DENSITY * _wall_share(fluid, wall, end, x)[0], 1.0)
             turn = (end.matrix - start.matrix) @ end.matrix.T / h
             omega = np.array(
                 [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
@@ -301,7 +286,7 @@ def _smooth(fluid, timestep, h, walls, flexes, fraction, x, v, impulses):
             impulses[k] += _impulse(fluid.particle_mass, x, change)
         for n in np.flatnonzero(flex_share):
             moved = near[n].weights @ (after - before)[near[n].element]
-            share = min(viscosity * fluid.kernel.rest_density * flex_share[n], 1.0)
+            share = min(viscosity * REST_DENSITY * flex_share[n], 1.0)
             v[n] += share * (moved / h - v[n])
     return v
 

@@ -44,7 +44,6 @@ std::string Write(const mjModel* m, const mjData* d, const std::vector<int>& bod
   if (error.empty()) error = CollectWalls(m, instance, config, &walls);
   if (!error.empty()) return error;
   if (config.two_way || config.flexes) return "expected water without two_way and without flexes.";
-  if (config.kernel == Reach::kWide) return "expected water with the narrow kernel.";
   if (walls.size() > kMostWalls) return "expected at most " + std::to_string(kMostWalls) + " walls.";
   const double timestep = m->opt.timestep;
   *model = {};

@@ -8,8 +8,8 @@
 namespace softgym_mj {
 
 const char* const kAttributes[] = {
-    "count",  "spacing",  "columns", "corner", "viscosity", "cohesion",  "friction", "density",
-    "kernel", "substeps", "two_way", "world",  "flexes",    "max_speed", "draw",     "rgba",
+    "count",    "spacing", "columns", "corner", "viscosity", "cohesion", "friction", "density",
+    "substeps", "two_way", "world",   "flexes", "max_speed", "draw",     "rgba",
 };
 const int kNumAttributes = sizeof(kAttributes) / sizeof(kAttributes[0]);
 
@@ -71,9 +71,6 @@ std::string ParseConfig(const mjModel* m, int instance, FluidConfig* config) {
   read.Numbers("cohesion", &parsed.cohesion, 1, 0, 1e3);
   read.Numbers("friction", &parsed.friction, 1, 0, 10);
   read.Numbers("density", &parsed.density, 1, 1e-6, 1e6);
-  int kernel = static_cast<int>(parsed.kernel);
-  read.Choice("kernel", {"narrow", "wide"}, &kernel);
-  parsed.kernel = static_cast<Reach>(kernel);
   read.Numbers("substeps", &parsed.substeps, 1, 0, kMaxSubsteps);
   read.Flag("two_way", &parsed.two_way);
   read.Flag("world", &parsed.world);

@@ -10,8 +10,6 @@
 
 namespace softgym_mj {
 
-// Range of the density kernel; constants in solver.cc.
-enum class Reach { kNarrow, kWide };
 enum class Draw { kSurface, kFine, kParticles, kNone };
 
 // Attributes as in README.md; SI units.
@@ -24,7 +22,6 @@ struct FluidConfig {
   double cohesion = 0;
   double friction = 0.01;
   double density = 1000;
-  Reach kernel = Reach::kNarrow;
   int substeps = 0;  // 0: from the number of layers.
   bool two_way = false;
   bool world = true;

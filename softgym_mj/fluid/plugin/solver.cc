@@ -10,26 +10,19 @@
 namespace softgym_mj {
 namespace {
 
-// A density kernel and what depends on its range.
-struct KernelRange {
-  float support;       // Radius in spacings.
-  float rest_density;  // Kernel sum in water at rest, calibrated on columns at rest.
-  float wall_density;  // Contribution of a wall.
-  float relaxation;    // Share of a correction that is applied.
-};
-// The radius is that of FleX. Above a relaxation of 0.6 the fluid boils.
-constexpr KernelRange kNarrow = {1.83f, 0.632f, 24.3f, 0.45f};
-// The wall is the integral of the kernel over the half space at distance 0, 2 pi support^3; the density at rest is 1.05
-// times the integral over space, less the particle itself.
-constexpr KernelRange kWide = {3.0f, 4.888f, 169.646f, 0.3f};
-const KernelRange& RangeOf(const FluidConfig& config) { return config.kernel == Reach::kWide ? kWide : kNarrow; }
+constexpr float kSupport = 1.83f;  // Kernel radius in spacings, as in FleX.
 
-constexpr float kCorrection = 0.4f;  // Largest correction in a substep, in spacings.
-constexpr float kContact = 0.3f;     // Distance at which walls are hard, in spacings.
+// Calibrated on columns at rest: kernel sum in water at rest, and the contribution of a wall.
+constexpr float kRestDensity = 0.632f;
+constexpr float kWallDensity = 24.3f;
+
+constexpr float kRelaxation = 0.45f;  // Above 0.6 the fluid boils.
+constexpr float kCorrection = 0.4f;   // Largest correction in a substep, in spacings.
+constexpr float kContact = 0.3f;      // Distance at which walls are hard, in spacings.
 
 // Converts a sum of velocity differences to a Laplacian: sum over the neighbors of (1 - r/H)^3 r^2 / 6 in units of H^2,
 // which is 4 pi (H/d)^3 times the integral of (1 - q)^3 q^4, over 6.
-double Laplacian(float support) { return 4 * 3.14159265358979 * support * support * support / 280 / 6; }
+constexpr double kLaplacian = 4 * 3.14159265358979 * kSupport * kSupport * kSupport / 280 / 6;
 constexpr double kViscosityPass = 0.7;  // Largest stable factor in one pass.
 constexpr int kMaxPasses = 64;
 
@@ -67,12 +60,11 @@ const Kernels& ChooseKernels() {
 
 FluidConstants MakeConstants(const FluidConfig& config, double h) {
   const float spacing = static_cast<float>(config.spacing);
-  const KernelRange& range = RangeOf(config);
   return {spacing,
-          range.support * spacing,
-          range.rest_density,
-          range.wall_density,
-          range.relaxation,
+          kSupport * spacing,
+          kRestDensity,
+          kWallDensity,
+          kRelaxation,
           kCorrection * spacing,
           kContact * spacing,
           static_cast<float>(config.cohesion * h * h),
@@ -80,8 +72,8 @@ FluidConstants MakeConstants(const FluidConfig& config, double h) {
 }
 
 Smoothing MakeSmoothing(const FluidConfig& config, double timestep) {
-  const float support = RangeOf(config).support, radius = support * static_cast<float>(config.spacing);
-  const double total = config.viscosity * timestep / (Laplacian(support) * radius * radius);
+  const float radius = kSupport * static_cast<float>(config.spacing);
+  const double total = config.viscosity * timestep / (kLaplacian * radius * radius);
   if (total == 0) return {0, 0};
   const int passes = static_cast<int>(std::clamp(std::ceil(total / kViscosityPass), 1.0, double{kMaxPasses}));
   return {passes, static_cast<float>(std::min(total / passes, kViscosityPass))};
@@ -286,14 +278,13 @@ bool Solver::Step(const FluidConfig& config, double timestep, const double gravi
 }
 
 double MaxViscosity(const FluidConfig& config, double timestep) {
-  const float support = RangeOf(config).support;
-  const double radius = support * config.spacing;
-  return kMaxPasses * kViscosityPass * Laplacian(support) * radius * radius / timestep;
+  const double radius = kSupport * config.spacing;
+  return kMaxPasses * kViscosityPass * kLaplacian * radius * radius / timestep;
 }
 
 double MaxSpeed(const FluidConfig& config, double timestep) {
   const double h = timestep / config.Substeps(timestep);
-  return std::min(config.max_speed, 0.5 * kNarrow.support * config.spacing / h);
+  return std::min(config.max_speed, 0.5 * kSupport * config.spacing / h);
 }
 
 void Solver::TouchingInertia(size_t first, size_t last, const double center[3], double inertia[2]) {

@@ -1,1 +1,0 @@
-"""Recordings of real water, dam breaks and sloshing, and their simulation."""
