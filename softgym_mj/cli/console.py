@@ -64,6 +64,9 @@ CableRecordings = Annotated[
 ClothRecordings = Annotated[
     pathlib.Path | None, typer.Argument(help="Folder of the CSV files of a session.")
 ]
+WaterRecordings = Annotated[
+    pathlib.Path | None, typer.Argument(help="Folder with the files of recordings.")
+]
 Cables = Annotated[list[str] | None, typer.Option(help="DLO1 to DLO5, repeatable; default: all.")]
 
 

@@ -7,11 +7,17 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from softgym_mj.cli.console import CableRecordings, Cables, ClothRecordings, console
+from softgym_mj.cli.console import (
+    CableRecordings,
+    Cables,
+    ClothRecordings,
+    WaterRecordings,
+    console,
+)
 from softgym_mj.storage.files import make_folder, read_json, write_json
 
 app = typer.Typer(
-    help="Compares simulated cloth with theory and ropes with recordings.", no_args_is_help=True
+    help="Compares simulations with theory and with recordings.", no_args_is_help=True
 )
 
 _TITLES = "measured", "theory", "off %", "bound %"
@@ -21,7 +27,7 @@ _SHOWN = ("cells", "load")  # Settings of an experiment that are printed.
 
 @app.callback()
 def validate() -> None:
-    """Compares simulated cloth with theory and simulated ropes with recordings of cables."""
+    """Compares simulated cloth with theory, and rope, cloth and water with recordings."""
 
 
 @app.command()
@@ -126,6 +132,8 @@ def rope(
         }
         write_json(out, result)
         console.print(f"wrote {out}")
+
+
 _CLOTH_LINE = "{:<26} {:>9} {:>9} {:>8} {:>7} {:>9} {}"
 
 
@@ -183,3 +191,63 @@ def cloth(
         }
         write_json(out, result)
         console.print(f"wrote {out}")
+
+
+_WATER_LINE = "{:<16} {:<36} {:>5} {:>9} {:<10} {:>7} {:>7} {:>8} {}"
+
+
+@app.command()
+def water(
+    folder: WaterRecordings = None,
+    experiment: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="koshizuka_oka, martin_moyce_29, martin_moyce_57, spheric_2, faltinsen or "
+            "bouscasse, repeatable; default: all."
+        ),
+    ] = None,
+    cells: Annotated[
+        list[int] | None,
+        typer.Option(
+            help="Particles over the depth of the water at rest, repeatable; default: two numbers "
+            "for each experiment."
+        ),
+    ] = None,
+    out: Annotated[pathlib.Path | None, typer.Option(help="JSON file of the results.")] = None,
+) -> None:
+    """Simulates recorded dam breaks and sloshing tanks; downloads nothing.
+
+    The exit status is 1 if an error of simulated water exceeds its bound.
+    """
+    from softgym_mj.reality.water.comparison import EXPERIMENTS, PLAIN, measure
+    from softgym_mj.reality.water.recordings import SOURCES
+    from softgym_mj.tasks import transport_water
+
+    liquids = {
+        "water without wall friction": PLAIN,
+        "water of TransportWater": transport_water.LIQUID,
+    }
+    titles = "cells", "particles", "quantity", "error %", "mean %", "bound %", "CPU s"
+    typer.echo(_WATER_LINE.format("experiment", "solution", *titles))
+    measured = []
+    for m in measure(folder, experiment or list(EXPERIMENTS), liquids, cells or ()):
+        measured.append(m)
+        size = (m.cells, m.particles) if m.cells else ("", "")
+        numbers = f"{100 * m.error.value:+.1f}", f"{100 * m.error.mean:+.1f}"
+        bound = f"{100 * m.error.bound:.0f}{'' if m.passed else '!'}"
+        seconds = f"{m.seconds:.1f}" if m.cells else ""
+        line = m.experiment, m.solution, *size, m.error.quantity, *numbers, bound, seconds
+        typer.echo(_WATER_LINE.format(*line))
+    simulated = [m for m in measured if m.cells]
+    failed = sum(not m.passed for m in simulated)
+    console.print(f"{len(simulated) - failed} of {len(simulated)} within their bounds (else: !)")
+    if out is not None:
+        result = {
+            "sources": SOURCES,
+            "liquids": {title: dataclasses.asdict(liquid) for title, liquid in liquids.items()},
+            "measurements": [dataclasses.asdict(m) for m in measured],
+        }
+        write_json(out, result)
+        console.print(f"wrote {out}")
+    if failed:
+        raise typer.Exit(1)

@@ -183,6 +183,7 @@ COMMANDS: dict[str, tuple[dict[str, str], list[str]]] = {
     "learning submit": ({}, ["--jobs", "--device"]),
     "validate lab": ({"--fabric": "nope"}, ["--experiment", "--out"]),
     "validate rope": ({}, ["--cable", "--split", "--identified", "--out"]),
+    "validate water": ({}, ["--experiment", "--cells", "--out"]),
     "identify rope": ({}, ["--cable", "--recordings", "--out"]),
     "identify rags": ({"--out": "file/below"},
                       ["--cloth", "--fabric", "--density", "--width", "--length", "--table",

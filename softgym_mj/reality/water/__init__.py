@@ -1,0 +1,1 @@
+"""Dam breaks and sloshing tanks, simulated against recordings."""

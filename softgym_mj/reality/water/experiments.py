@@ -1,0 +1,72 @@
+"""`Experiment`: a recorded experiment with water that is simulated."""
+
+import dataclasses
+import pathlib
+from typing import Protocol
+
+import numpy as np
+
+from softgym_mj.fluid import Liquid
+from softgym_mj.reality.water.recordings import Series
+
+LANES = 8  # Width of two-dimensional experiments, in spacings.
+
+
+@dataclasses.dataclass(frozen=True)
+class Run:
+    """Signal of a solution, in the units of its recording.
+
+    Attributes:
+        times: (n,)
+        values: (n,) or (n, gauges).
+        particles: Number of particles; 0 if there are none.
+    """
+
+    times: np.ndarray
+    values: np.ndarray
+    particles: int = 0
+
+
+@dataclasses.dataclass(frozen=True)
+class Error:
+    """Difference between a solution and a recording.
+
+    Attributes:
+        quantity: What is compared: "front", "H1" to "H4", "period" or "amplitude".
+        value: Root mean square error, relative to recorded fronts or to the depth; or the signed
+            relative error of a period or an amplitude.
+        mean: Mean error, signed.
+        bound: Largest magnitude of `value` that passes.
+    """
+
+    quantity: str
+    value: float
+    mean: float
+    bound: float
+
+
+class Experiment(Protocol):
+    """An experiment.
+
+    Attributes:
+        depth: Depth of the water at rest [m].
+        unit: Unit of recorded times [s].
+    """
+
+    @property
+    def depth(self) -> float: ...
+
+    @property
+    def unit(self) -> float: ...
+
+    def read(self, folder: pathlib.Path | None) -> Series:
+        """Returns its recording; raises the errors of `recordings`."""
+
+    def others(self, folder: pathlib.Path | None, until: float) -> dict[str, Run]:
+        """Returns solutions by others, up to a time, by name."""
+
+    def simulate(self, liquid: Liquid, spacing: float, until: float) -> Run:
+        """Simulates water of particles with a spacing [m] up to a time in the recording's unit."""
+
+    def compare(self, recording: Series, run: Run) -> list[Error]:
+        """Compares a solution with the recording."""
