@@ -193,7 +193,7 @@ def cloth(
         console.print(f"wrote {out}")
 
 
-_WATER_LINE = "{:<16} {:<36} {:>5} {:>9} {:<10} {:>7} {:>7} {:>8} {}"
+_WATER_LINE = "{:<16} {:<28} {:>5} {:>9} {:<30} {:>7} {:>7} {:>8} {:>6}"
 
 
 @app.command()
@@ -234,12 +234,13 @@ def water(
         measured.append(m)
         size = (m.cells, m.particles) if m.cells else ("", "")
         numbers = f"{100 * m.error.value:+.1f}", f"{100 * m.error.mean:+.1f}"
-        bound = f"{100 * m.error.bound:.0f}{'' if m.passed else '!'}"
+        bound = "" if m.error.bound is None else f"{100 * m.error.bound:.0f}"
+        bound += "" if m.error.passed else "!"
         seconds = f"{m.seconds:.1f}" if m.cells else ""
         line = m.experiment, m.solution, *size, m.error.quantity, *numbers, bound, seconds
         typer.echo(_WATER_LINE.format(*line))
-    simulated = [m for m in measured if m.cells]
-    failed = sum(not m.passed for m in simulated)
+    simulated = [m for m in measured if m.cells and m.error.bound is not None]
+    failed = sum(not m.error.passed for m in simulated)
     console.print(f"{len(simulated) - failed} of {len(simulated)} within their bounds (else: !)")
     if out is not None:
         result = {

@@ -15,6 +15,7 @@ from softgym_mj.reality.water.signals import errors
 from softgym_mj.reality.water.tank import Box, Tank, depth, front
 
 FRONT = 0.05  # Bound of errors of fronts, relative to them.
+DELAYS = np.arange(0.0, 1.0, 0.01)  # Delays of a release that are tried, in recorded units.
 HEIGHT = 0.1  # Bound of errors of heights, relative to the depth.
 
 
@@ -71,9 +72,20 @@ class DamBreak:
         return Run(times, np.array(fronts) / a, len(tank.points))
 
     def compare(self, recording: Series, run: Run) -> list[Error]:
-        """Returns the error of the front, relative to each recorded one."""
-        there = np.interp(recording.times, run.times, run.values) / recording.values
-        return [Error("front", *errors(there, np.ones_like(there)), FRONT)]
+        """Returns the error of the front, relative to each recorded one.
+
+        A second one, for information, is that of the front with the delay of its release that
+        reduces the error most, because recordings do not define when a gate is open.
+        """
+        same = np.ones_like(recording.times)
+
+        def error(delay: float) -> tuple[float, float]:
+            there = np.interp(recording.times - delay, run.times, run.values)
+            return errors(there / recording.values, same)
+
+        best = min(DELAYS.tolist(), key=lambda delay: error(delay)[0])
+        late = f"front released {1e3 * best * self.unit:.0f} ms later"
+        return [Error("front", *error(0.0), FRONT), Error(late, *error(best), None)]
 
 
 @dataclasses.dataclass(frozen=True)

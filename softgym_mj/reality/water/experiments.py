@@ -32,17 +32,22 @@ class Error:
     """Difference between a solution and a recording.
 
     Attributes:
-        quantity: What is compared: "front", "H1" to "H4", "period" or "amplitude".
-        value: Root mean square error, relative to recorded fronts or to the depth; or the signed
-            relative error of a period or an amplitude.
+        quantity: What is compared, such as "front", "H1", "period", "amplitude" or "elevation".
+        value: Root mean square error, relative to recorded fronts, the depth, or the recorded
+            standard deviation of elevations; or the signed error of a period or an amplitude.
         mean: Mean error, signed.
-        bound: Largest magnitude of `value` that passes.
+        bound: Largest magnitude of `value` that passes; None passes any.
     """
 
     quantity: str
     value: float
     mean: float
-    bound: float
+    bound: float | None
+
+    @property
+    def passed(self) -> bool:
+        """Whether the error is within its bound."""
+        return self.bound is None or abs(self.value) <= self.bound
 
 
 class Experiment(Protocol):

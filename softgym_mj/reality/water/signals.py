@@ -15,12 +15,10 @@ class Likeness:
     Attributes:
         period: Relative period: the stretch of time, from 0 on, with which they correlate most.
         amplitude: Relative standard deviation.
-        correlation: Correlation without a stretch.
     """
 
     period: float
     amplitude: float
-    correlation: float
 
 
 def errors(simulated: np.ndarray, recorded: np.ndarray) -> tuple[float, float]:
@@ -44,5 +42,4 @@ def likeness(
     return Likeness(
         period=float(stretches[int(np.argmax(found))]),
         amplitude=float(same.std() / recorded.std()),
-        correlation=float(np.corrcoef(same, recorded)[0, 1]),
     )

@@ -11,7 +11,7 @@ from softgym_mj.fluid import Liquid
 from softgym_mj.reality.water import recordings
 from softgym_mj.reality.water.experiments import LANES, Error, Run
 from softgym_mj.reality.water.recordings import Series
-from softgym_mj.reality.water.signals import STRETCH, likeness
+from softgym_mj.reality.water.signals import STRETCH, errors, likeness
 from softgym_mj.reality.water.tank import Box, Tank, depth
 
 PERIOD, AMPLITUDE = 0.02, 0.15  # Bounds of their relative errors.
@@ -68,12 +68,15 @@ class Sloshing:
         return Run(times, np.array(heights) - heights[0], len(tank.points))
 
     def compare(self, recording: Series, run: Run) -> list[Error]:
-        """Returns errors of period and amplitude."""
+        """Returns errors of period and amplitude, and what differs without a stretch."""
+        there = np.interp(recording.times, run.times, run.values)
+        rest = errors(there / recording.values.std(), recording.values / recording.values.std())
         found = likeness(run.times, run.values, recording.times, recording.values)
         off = found.period - 1.0, found.amplitude - 1.0
         return [
             Error("period", off[0], off[0], PERIOD),
             Error("amplitude", off[1], off[1], AMPLITUDE),
+            Error("elevation", *rest, None),
         ]
 
     def linear(self, times: np.ndarray, modes: int = 9) -> np.ndarray:
