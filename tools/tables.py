@@ -2,7 +2,8 @@
 
 That is docs/cameras.json, docs/experts.json, docs/throughput.json, docs/vector.json, those of
 tools/gpu_tables.py and tools/identification_tables.py, docs/lab.csv,
-docs/rope_recordings.json, docs/cloth_recordings.json, and docs/results.
+docs/rope_recordings.json, docs/cloth_recordings.json, docs/water_recordings.json, and
+docs/results.
 """
 
 import json
@@ -26,6 +27,7 @@ from tools import (
     learned,
     presets,
     rope_tables,
+    water_tables,
 )
 from tools.pages import between, table, with_table
 
@@ -237,7 +239,7 @@ def pages() -> dict[pathlib.Path, str]:
         texts[GPU] = between(texts[GPU], name, of())
     for name, of in identification_tables.TABLES.items():
         texts[FOUND] = between(texts[FOUND], name, of())
-    reality = lab_tables.TABLES | rope_tables.TABLES | cloth_tables.TABLES
+    reality = lab_tables.TABLES | rope_tables.TABLES | cloth_tables.TABLES | water_tables.TABLES
     for name, of in reality.items():
         texts[REALITY] = between(texts[REALITY], name, of())
     texts[PHYSICS] = between(texts[PHYSICS], "lab", lab_tables.kept())
