@@ -1,4 +1,4 @@
-"""The commands `softgym-mj identify ...`: parameters of fabrics and ropes from recordings."""
+"""The commands `softgym-mj identify ...`: fabrics, ropes and cloth from recordings."""
 
 import contextlib
 import dataclasses
@@ -24,14 +24,16 @@ from softgym_mj.entities.fabric import Fabric
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.storage.files import make_folder, read_json, write_json
 
-app = typer.Typer(help="Fits parameters of a fabric or a rope to recordings.", no_args_is_help=True)
+app = typer.Typer(
+    help="Fits parameters of fabrics, ropes and cloth to recordings.", no_args_is_help=True
+)
 
 _MM = 1e3
 
 
 @app.callback()
 def identify() -> None:
-    """Fits parameters of a fabric (`rags`) or a rope (`rope`) to recordings.
+    """Fits a fabric (`rags`), a rope (`rope`) or a cloth on a tool (`cloth`) to recordings.
 
     docs/identification.md and docs/reality.md describe the recordings.
     """
@@ -207,7 +209,7 @@ def cloth(
     folder: ClothRecordings = None,
     out: Annotated[pathlib.Path, typer.Option(help="JSON file.")] = pathlib.Path("cloth.json"),
 ) -> None:
-    """Identifies a recorded cloth on a robot's tool: three of four recordings, others are tests.
+    """Fits a cloth held by a robot's tool to three of four recordings; the others are held out.
 
     30 recordings take three minutes on one core.
     """
