@@ -1,4 +1,4 @@
-"""What README.md and docs/reality.md show of recorded cables: docs/rope_recordings.json.
+"""What docs/reality.md shows of recorded cables: docs/rope_recordings.json.
 
 `softgym-mj identify rope` and then `softgym-mj validate rope --identified ... --out` wrote it.
 """
@@ -19,12 +19,6 @@ PROPERTIES = {
     "length": ("length", 1.0),
 }
 
-SOLVERS = {
-    "nothing moves": "nothing moves",
-    "rope, assumed": "our rope, one guess for all cables",
-    "rope, identified": "our rope, identified on other recordings",
-}
-
 
 def _result() -> dict[str, Any]:
     return json.loads(FILE.read_text(encoding="utf-8"))
@@ -43,16 +37,6 @@ def errors() -> str:
         cells.append(f"{min(speeds):.0f} to {max(speeds):.0f}" if simulated else "")
         lines.append(f"| {solver} | {' | '.join(cells)} |")
     return table(f"| all, free markers [mm] | {' | '.join(cables)} | times real time |", lines)
-
-
-def summary() -> str:
-    """Errors of each solver over all markers, as the range over cables, for the README."""
-    rows = _result()["measurements"]
-    lines = []
-    for solver, title in SOLVERS.items():
-        own = [1e3 * row["error"] for row in rows if row["solver"] == solver]
-        lines.append(f"| {title} | {min(own):.1f} to {max(own):.1f} |")
-    return table("| five cables, 14 recordings each | mean absolute error [mm] |", lines)
 
 
 def properties() -> str:

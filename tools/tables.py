@@ -26,6 +26,7 @@ from tools import (
     lab_tables,
     learned,
     presets,
+    reality_table,
     rope_tables,
     water_tables,
 )
@@ -231,7 +232,7 @@ def pages() -> dict[pathlib.Path, str]:
     texts[ROBOTS] = between(texts[ROBOTS], "speed", arm_speeds())
     texts[README] = between(texts[README], "learned", learned.overview())
     texts[README] = between(texts[README], "tasks", overview(scores))
-    texts[README] = between(texts[README], "cables", rope_tables.summary())
+    texts[README] = between(texts[README], "reality", reality_table.summary())
     texts[GPU] = between(texts[GPU], "speed", materials())
     texts[GPU] = between(texts[GPU], "processes", processes())
     texts[PICTURES] = between(texts[PICTURES], "gallery", stills())

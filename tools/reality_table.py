@@ -1,0 +1,48 @@
+"""What README.md shows of recordings: docs/{rope,cloth,water}_recordings.json."""
+
+import json
+import pathlib
+from typing import Any
+
+from tools.pages import table
+
+DOCS = pathlib.Path(__file__).parent.parent / "docs"
+_WATER, _GAUGES = "spheric_2", 4
+
+
+def summary() -> str:
+    """Errors of baselines, of one guess and of identified properties, as ranges."""
+    rope, cloth = ({row["solver"]: [] for row in _rows(name)} for name in ("rope", "cloth"))
+    for name, errors in (("rope", rope), ("cloth", cloth)):
+        for row in _rows(name):
+            errors[row["solver"]].append(1e3 * row["error"])
+    water = [row for row in _rows("water") if row["experiment"] == _WATER]
+    level = [100 * row["error"]["value"] for row in water if row["solution"] == "level water"]
+    finest = max(row["cells"] for row in water)
+    plain = [
+        100 * row["error"]["value"]
+        for row in water
+        if row["cells"] == finest and row["solution"] == "water without wall friction"
+    ]
+    lines = [
+        f"| five cables that two robots move, 14 recordings each, 5 s | mean absolute error [mm] "
+        f"| {_range(rope['nothing moves'])} | {_range(rope['rope, assumed'])} "
+        f"| {_range(rope['rope, identified'])} |",
+        f"| a cloth that a robot swings, 10 recordings of 13 s | mean distance of nodes [mm] "
+        f"| {_range(cloth['nothing moves'])} | {_range(cloth['cloth, assumed'])} "
+        f"| {_range(cloth['cloth, identified'])} |",
+        f"| a dam break onto a box, {_GAUGES} gauges, 7 s | height, rms over depth [%] "
+        f"| {_range(level)} | {_range(plain)} | |",
+    ]
+    titles = "recordings | error | nothing moves | one guess | identified on other recordings"
+    return table(f"| {titles} |", lines)
+
+
+def _rows(material: str) -> list[dict[str, Any]]:
+    file = DOCS / f"{material}_recordings.json"
+    return json.loads(file.read_text(encoding="utf-8"))["measurements"]
+
+
+def _range(values: list[float]) -> str:
+    low, high = f"{min(values):.1f}", f"{max(values):.1f}"
+    return low if low == high else f"{low} to {high}"
