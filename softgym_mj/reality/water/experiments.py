@@ -51,18 +51,15 @@ class Error:
 
 
 class Experiment(Protocol):
-    """An experiment.
-
-    Attributes:
-        depth: Depth of the water at rest [m].
-        unit: Unit of recorded times [s].
-    """
+    """An experiment."""
 
     @property
-    def depth(self) -> float: ...
+    def depth(self) -> float:
+        """Depth of the water at rest [m]."""
 
     @property
-    def unit(self) -> float: ...
+    def unit(self) -> float:
+        """Unit of recorded times [s]."""
 
     def read(self, folder: pathlib.Path | None) -> Series:
         """Returns its recording; raises the errors of `recordings`."""
