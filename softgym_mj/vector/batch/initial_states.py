@@ -13,7 +13,7 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.envs.snapshots import Snapshot
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.parallel.executors import ProcessExecutor, SerialExecutor
+from softgym_mj.parallel.executors import make_executor
 from softgym_mj.rendering.observables import blank_images
 from softgym_mj.tasks.shared.base import Task
 from softgym_mj.vector.batch.cameras import Cameras
@@ -123,12 +123,10 @@ class InitialStateCache:
             return
         pickled = cloudpickle.dumps((self._make, type(self._physics), self._cameras.observed))
         files = start_files(pickled, type(self._env.task))
-        kept = [v for v in missing if files is not None and files.has(v)]
-        found = {v: files.get(v) for v in kept} if files is not None else {}
+        found = {} if files is None else {v: files.get(v) for v in missing if files.has(v)}
         new = [v for v in missing if v not in found]
         shares = [new[i : i + _SHARE] for i in range(0, len(new), _SHARE)]
-        jobs = min(num_cores(), len(shares))
-        with ProcessExecutor(jobs) if jobs > 1 else SerialExecutor() as executor:
+        with make_executor(max(min(num_cores(), len(shares)), 1)) as executor:
             calls = [(pickled, files, share) for share in shares]
             for i, values in executor.results(read_starts, calls):
                 found |= zip(shares[i], values, strict=True)

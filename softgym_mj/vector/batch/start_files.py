@@ -15,6 +15,7 @@ import numpy as np
 
 from softgym_mj.native.caches import cache_folder
 from softgym_mj.storage.store import Codec, Key, Store
+from softgym_mj.vector.batch.padded_rows import leaves
 
 _PACKAGE = pathlib.Path(__file__).parents[2]
 _LIBRARIES = ("mujoco", "dm_control", "numpy", "scipy")
@@ -40,9 +41,9 @@ class StartFiles(Store):
         specification = {"version": version, "arguments": arguments}
         super().__init__(parent / f"{version[:12]}-{arguments[:12]}", specification, CODEC)
 
-    def put(self, key: Key, value: Mapping[str, Any]) -> None:
+    def put(self, key: Key, value: dict[str, Any]) -> None:
         """Stores a state unless it is too large."""
-        if _size(value) <= _LARGEST:
+        if sum(np.asarray(array).nbytes for *_, array in leaves(value)) <= _LARGEST:
             super().put(key, value)
 
 
@@ -81,13 +82,6 @@ def _version() -> str:
     for name in _LIBRARIES:
         digest.update(importlib.metadata.version(name).encode())
     return digest.hexdigest()
-
-
-def _size(values: Mapping[str, Any]) -> int:
-    return sum(
-        _size(value) if isinstance(value, Mapping) else np.asarray(value).nbytes
-        for value in values.values()
-    )
 
 
 def _encode(values: Mapping[str, Any]) -> bytes:
