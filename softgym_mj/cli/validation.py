@@ -2,6 +2,7 @@
 
 import dataclasses
 import pathlib
+from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
@@ -23,6 +24,7 @@ app = typer.Typer(
 _TITLES = "measured", "theory", "off %", "bound %"
 _LINE = "{:<36} {:<21} {:>10} {:>10} {:>7} {}"
 _SHOWN = ("cells", "load")  # Settings of an experiment that are printed.
+Results = Annotated[pathlib.Path | None, typer.Option(help="JSON file of the results.")]
 
 
 @app.callback()
@@ -75,6 +77,18 @@ def lab(
         raise typer.Exit(1)
 
 
+def _echo(
+    line: str,
+    names: Sequence[str],
+    errors: Sequence[float],
+    speed: float,
+    models: Sequence[str],
+) -> None:
+    """Prints names, errors [m] in mm, and of a simulation its speed and the modeled effects."""
+    numbers = [f"{1e3 * error:.1f}" for error in errors]
+    typer.echo(line.format(*names, *numbers, f"{speed:.0f}" if models else "", ", ".join(models)))
+
+
 _ROPE_LINE = "{:<6} {:<38} {:>10} {:>9} {:>8} {:>9} {}"
 
 
@@ -86,7 +100,7 @@ def rope(
     identified: Annotated[
         pathlib.Path | None, typer.Option(help="Properties: a file of `identify rope`.")
     ] = None,
-    out: Annotated[pathlib.Path | None, typer.Option(help="JSON file of the results.")] = None,
+    out: Results = None,
 ) -> None:
     """Predicts five seconds of recorded cables held by two robots; downloads nothing.
 
@@ -95,7 +109,8 @@ def rope(
     from softgym_mj.reality.rope import identification, simulation
     from softgym_mj.reality.rope.experiment import measure
     from softgym_mj.reality.rope.recordings import CABLES, SOURCE, read_recordings
-    from softgym_mj.reality.rope.scenario import EndsInterpolated, NothingMoves, Solver
+    from softgym_mj.reality.rope.scenario import EndsInterpolated, NothingMoves, Scenario
+    from softgym_mj.reality.solver import Solver
 
     names = cable or CABLES
     entries = {} if identified is None else read_json(identified)
@@ -111,7 +126,7 @@ def rope(
     for name, own in recordings.items():
         spacing = simulation.marker_spacing(read_recordings(folder, name, "train"))
         assumed = simulation.CableSolver("rope, assumed", spacing, simulation.ASSUMED)
-        solvers: list[Solver] = [NothingMoves(), EndsInterpolated(), assumed]
+        solvers: list[Solver[Scenario]] = [NothingMoves(), EndsInterpolated(), assumed]
         if name in found:
             f = found[name]
             spacing = np.array(f.spacing)
@@ -119,9 +134,8 @@ def rope(
         for solver in solvers:
             m = measure(solver, own)
             measured.append(dataclasses.asdict(m))
-            numbers = [f"{1e3 * v:.1f}" for v in (m.error, m.free_error, m.worst)]
-            speed = f"{m.real_time_factor:.0f}" if m.models else ""
-            typer.echo(_ROPE_LINE.format(name, m.solver, *numbers, speed, ", ".join(m.models)))
+            errors = m.error, m.free_error, m.worst
+            _echo(_ROPE_LINE, (name, m.solver), errors, m.real_time_factor, m.models)
     if out is not None:
         result = {
             "source": SOURCE,
@@ -143,7 +157,7 @@ def cloth(
     identified: Annotated[
         pathlib.Path | None, typer.Option(help="Properties: a file of `identify cloth`.")
     ] = None,
-    out: Annotated[pathlib.Path | None, typer.Option(help="JSON file of the results.")] = None,
+    out: Results = None,
 ) -> None:
     """Predicts a recorded cloth from the motion of the tool that holds it; downloads nothing.
 
@@ -151,7 +165,8 @@ def cloth(
     """
     from softgym_mj.reality.cloth import experiment, identification, simulation
     from softgym_mj.reality.cloth.recordings import SOURCE, read_recordings
-    from softgym_mj.reality.cloth.scenario import NothingMoves, RigidSheet, Solver, grip_of
+    from softgym_mj.reality.cloth.scenario import NothingMoves, RigidSheet, Scenario, grip_of
+    from softgym_mj.reality.solver import Solver
 
     found = None
     if identified is not None:
@@ -164,7 +179,7 @@ def cloth(
         f"{len(recordings)} recordings, {quality.frames} frames: {quality.complete} have all nodes,"
         f" {quality.counted} of these count; noise at rest {1e3 * quality.noise:.1f} mm"
     )
-    solvers: list[Solver] = [NothingMoves(), RigidSheet()]
+    solvers: list[Solver[Scenario]] = [NothingMoves(), RigidSheet()]
     solvers.append(simulation.ClothSolver("cloth, assumed", grip, simulation.ASSUMED))
     if found is not None:
         solvers.append(simulation.ClothSolver("cloth, identified", grip, found.properties))
@@ -174,10 +189,8 @@ def cloth(
     for solver in solvers:
         m = experiment.measure(solver, test, grip)
         measured.append(dataclasses.asdict(m))
-        values = m.error, m.held_error, m.far_error, m.worst
-        speed = f"{m.real_time_factor:.0f}" if m.models else ""
-        numbers = [f"{1e3 * v:.1f}" for v in values]
-        typer.echo(_CLOTH_LINE.format(m.solver, *numbers, speed, ", ".join(m.models)))
+        errors = m.error, m.held_error, m.far_error, m.worst
+        _echo(_CLOTH_LINE, (m.solver,), errors, m.real_time_factor, m.models)
     if out is not None:
         result = {
             "source": SOURCE,
@@ -213,7 +226,7 @@ def water(
             "for each experiment."
         ),
     ] = None,
-    out: Annotated[pathlib.Path | None, typer.Option(help="JSON file of the results.")] = None,
+    out: Results = None,
 ) -> None:
     """Simulates recorded dam breaks and sloshing tanks; downloads nothing.
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from softgym_mj.exceptions import check_count
 from softgym_mj.reality.cloth.recordings import Recording
-from softgym_mj.reality.cloth.scenario import Grip, Solver, is_at_rest, scenario_of
+from softgym_mj.reality.cloth.scenario import Grip, Scenario, is_at_rest, is_complete, scenario_of
+from softgym_mj.reality.solver import Solver
 
 EVERY = 4  # Every fourth recording is a test recording.
 
@@ -70,7 +71,7 @@ def split(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Record
     return first, list(recordings[EVERY - 1 :: EVERY])
 
 
-def measure(solver: Solver, recordings: Sequence[Recording], grip: Grip) -> Measurement:
+def measure(solver: Solver[Scenario], recordings: Sequence[Recording], grip: Grip) -> Measurement:
     """Predicts recordings and compares."""
     found, took, simulated = [], 0.0, 0.0
     for recording in recordings:
@@ -110,6 +111,6 @@ def quality(recordings: Sequence[Recording], grip: Grip) -> Quality:
         resting = nodes[is_at_rest(recording, scenario.times)]
         if len(resting):
             off.append(_distances(resting, resting.mean(axis=0)).ravel())
-    complete = sum(int((~np.isnan(r.nodes).any(axis=(1, 2, 3))).sum()) for r in recordings)
+    complete = sum(int(is_complete(r).sum()) for r in recordings)
     noise = float(np.concatenate(off).mean()) if off else float("nan")
     return Quality(sum(len(r.nodes) for r in recordings), complete, counted, noise)

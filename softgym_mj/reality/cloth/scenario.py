@@ -1,4 +1,4 @@
-"""`Scenario`: how a tool moves a cloth; `Solver`: predicts the cloth's motion; baselines.
+"""`Scenario`: how a tool moves a cloth; baselines.
 
 Errors of the recordings are corrected without a solver. The camera's pitch is off: nodes are turned
 about the tool's first place until a cloth at rest hangs vertically. Stamps are late, by a delay
@@ -10,7 +10,6 @@ short or long.
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -64,21 +63,6 @@ class Scenario:
     tool: tuple[np.ndarray, Rotation]
 
 
-class Solver(Protocol):
-    """Predicts motion.
-
-    Attributes:
-        name: Name in tables.
-        models: Effects that it models, such as "bending".
-    """
-
-    name: str
-    models: tuple[str, ...]
-
-    def predict(self, scenario: Scenario) -> np.ndarray:
-        """Returns nodes (f, n, n, 3) [m] in the frames of a scenario."""
-
-
 def grip_of(recordings: Sequence[Recording]) -> Grip:
     """Returns the grip: medians over all recordings of a session.
 
@@ -90,7 +74,7 @@ def grip_of(recordings: Sequence[Recording]) -> Grip:
     pitch = _pitch(recordings)
     edges, lengths = [], []
     for recording in (_turned(recording, pitch) for recording in recordings):
-        complete = _complete(recording)
+        complete = is_complete(recording)
         held = recording.nodes[complete][:, :, 0]
         edges.append(_in_tool(recording, held, recording.stamps[complete] - DELAY))
         lengths.append(_lengths(recording.nodes[complete]).reshape(2, -1))
@@ -140,7 +124,7 @@ def counted_frames(
         Indices (f,), times (f,) [s], and nodes (f, n, n, 3) [m], whose pitch is corrected.
     """
     recording = _turned(recording, grip.pitch)
-    complete = np.flatnonzero(_complete(recording))
+    complete = np.flatnonzero(is_complete(recording))
     held = recording.nodes[complete][:, :, 0]
     tried = []
     for delay in DELAYS:
@@ -194,7 +178,7 @@ def _pitch(recordings: Sequence[Recording]) -> float:
     """Returns the angle [rad] about X that makes columns of cloths at rest vertical, a median."""
     downs = []
     for recording in recordings:
-        resting = _complete(recording) & is_at_rest(recording, recording.stamps - DELAY)
+        resting = is_complete(recording) & is_at_rest(recording, recording.stamps - DELAY)
         nodes = recording.nodes[resting][:, _INNER]
         downs.append((nodes[:, :, -1] - nodes[:, :, 0]).mean(axis=1))
     down = np.concatenate(downs)
@@ -208,7 +192,7 @@ def _turned(recording: Recording, pitch: float) -> Recording:
     return dataclasses.replace(recording, nodes=(recording.nodes - center) @ turn.T + center)
 
 
-def _complete(recording: Recording) -> np.ndarray:
+def is_complete(recording: Recording) -> np.ndarray:
     """Returns whether frames (f,) have all nodes."""
     return ~np.isnan(recording.nodes).any(axis=(1, 2, 3))
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from softgym_mj.exceptions import SimulationError
 from softgym_mj.reality.rope.recordings import FRAME_TIME, HELD, Recording
-from softgym_mj.reality.rope.scenario import START_FRAMES, Solver, scenario_of
+from softgym_mj.reality.rope.scenario import START_FRAMES, Scenario, scenario_of
+from softgym_mj.reality.solver import Solver
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,7 +48,7 @@ def errors(predicted: np.ndarray, markers: np.ndarray) -> tuple[float, float]:
     return float(off.mean()), float(np.delete(off, HELD, axis=1).mean())
 
 
-def measure(solver: Solver, recordings: Sequence[Recording]) -> Measurement:
+def measure(solver: Solver[Scenario], recordings: Sequence[Recording]) -> Measurement:
     """Predicts recordings of one cable and compares.
 
     Raises:

@@ -1,7 +1,6 @@
-"""`Scenario`: what is done to a cable; `Solver`: predicts its motion; baselines."""
+"""`Scenario`: what is done to a cable; baselines."""
 
 import dataclasses
-from typing import Protocol
 
 import numpy as np
 
@@ -21,21 +20,6 @@ class Scenario:
 
     start: np.ndarray
     held: np.ndarray
-
-
-class Solver(Protocol):
-    """Predicts motion.
-
-    Attributes:
-        name: Name in tables.
-        models: Effects that it models, such as "bending".
-    """
-
-    name: str
-    models: tuple[str, ...]
-
-    def predict(self, scenario: Scenario) -> np.ndarray:
-        """Returns markers (f, n, 3) [m] in the frames after the start."""
 
 
 def scenario_of(recording: Recording) -> Scenario:
