@@ -3,14 +3,11 @@
 `softgym-mj identify cloth` and then `softgym-mj validate cloth --identified ... --out` wrote it.
 """
 
-import json
-import pathlib
 from collections.abc import Callable
-from typing import Any
 
 from tools.pages import table
+from tools.reality_table import recorded
 
-FILE = pathlib.Path(__file__).parent.parent / "docs" / "cloth_recordings.json"
 # Shown with their factors and units.
 PROPERTIES = {
     "bend": ("bending [10⁻⁶ N m]", 1e6),
@@ -21,14 +18,10 @@ PROPERTIES = {
 }
 
 
-def _result() -> dict[str, Any]:
-    return json.loads(FILE.read_text(encoding="utf-8"))
-
-
 def errors() -> str:
     """Errors of all solvers [mm] over all nodes and two edges, and the speed of simulations."""
     lines = []
-    for row in _result()["measurements"]:
+    for row in recorded("cloth")["measurements"]:
         names = "error", "held_error", "far_error", "worst", "error_of_complete"
         cells = [f"{1e3 * row[name]:.1f}" for name in names]
         cells.append(f"{row['real_time_factor']:.0f}" if row["models"] else "")
@@ -39,7 +32,7 @@ def errors() -> str:
 
 def properties() -> str:
     """Identified properties with their 95 % intervals."""
-    found = _result()["identified"]
+    found = recorded("cloth")["identified"]
     lines = []
     for name, (title, factor) in PROPERTIES.items():
         value, (low, high) = found["properties"][name], found["intervals"][name]
@@ -50,7 +43,7 @@ def properties() -> str:
 
 def quality() -> str:
     """Numbers of frames, and the noise at rest."""
-    found = _result()["quality"]
+    found = recorded("cloth")["quality"]
     counts = [f"{found[name]}" for name in ("frames", "complete", "counted")]
     line = f"| {' | '.join(counts)} | {1e3 * found['noise']:.1f} |"
     return table("| frames | with all nodes | that count | noise at rest [mm] |", [line])

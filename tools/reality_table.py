@@ -7,7 +7,7 @@ from typing import Any
 from tools.pages import table
 
 DOCS = pathlib.Path(__file__).parent.parent / "docs"
-_WATER, _GAUGES = "spheric_2", 4
+_WATER = "spheric_2"
 
 
 def summary() -> str:
@@ -31,16 +31,20 @@ def summary() -> str:
         f"| a cloth that a robot swings, 10 recordings of 13 s | mean distance of nodes [mm] "
         f"| {_range(cloth['nothing moves'])} | {_range(cloth['cloth, assumed'])} "
         f"| {_range(cloth['cloth, identified'])} |",
-        f"| a dam break onto a box, {_GAUGES} gauges, 7 s | height, rms over depth [%] "
+        f"| a dam break onto a box, {len(level)} gauges, 7 s | height, rms over depth [%] "
         f"| {_range(level)} | {_range(plain)} | |",
     ]
     titles = "recordings | error | nothing moves | one guess | identified on other recordings"
     return table(f"| {titles} |", lines)
 
 
+def recorded(material: str) -> dict[str, Any]:
+    """Returns docs/MATERIAL_recordings.json, which `softgym-mj validate MATERIAL` wrote."""
+    return json.loads((DOCS / f"{material}_recordings.json").read_text(encoding="utf-8"))
+
+
 def _rows(material: str) -> list[dict[str, Any]]:
-    file = DOCS / f"{material}_recordings.json"
-    return json.loads(file.read_text(encoding="utf-8"))["measurements"]
+    return recorded(material)["measurements"]
 
 
 def _range(values: list[float]) -> str:

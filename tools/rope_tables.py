@@ -3,14 +3,11 @@
 `softgym-mj identify rope` and then `softgym-mj validate rope --identified ... --out` wrote it.
 """
 
-import json
-import pathlib
 from collections.abc import Callable
-from typing import Any
 
 from tools.pages import table
+from tools.reality_table import recorded
 
-FILE = pathlib.Path(__file__).parent.parent / "docs" / "rope_recordings.json"
 # Shown with their factors and units.
 PROPERTIES = {
     "bend": ("bending [10⁻³ N m²]", 1e3),
@@ -20,13 +17,9 @@ PROPERTIES = {
 }
 
 
-def _result() -> dict[str, Any]:
-    return json.loads(FILE.read_text(encoding="utf-8"))
-
-
 def errors() -> str:
     """Errors of all solvers [mm], over all and over free markers, and the speed of simulations."""
-    rows = _result()["measurements"]
+    rows = recorded("rope")["measurements"]
     cables = list(dict.fromkeys(row["cable"] for row in rows))
     lines = []
     for solver in dict.fromkeys(row["solver"] for row in rows):
@@ -42,7 +35,7 @@ def errors() -> str:
 def properties() -> str:
     """Identified properties with their 95 % intervals."""
     lines = []
-    for cable, found in _result()["identified"].items():
+    for cable, found in recorded("rope")["identified"].items():
         cells = []
         for name, (_, factor) in PROPERTIES.items():
             value, (low, high) = found["properties"][name], found["intervals"][name]

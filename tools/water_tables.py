@@ -3,14 +3,11 @@
 `softgym-mj validate water --out` wrote it.
 """
 
-import json
-import pathlib
 from collections.abc import Callable
 from typing import Any
 
 from tools.pages import table
-
-FILE = pathlib.Path(__file__).parent.parent / "docs" / "water_recordings.json"
+from tools.reality_table import recorded
 
 
 def _cell(error: dict[str, Any]) -> str:
@@ -39,7 +36,7 @@ def _line(experiment: str, solution: str, rows: list[dict[str, Any]]) -> str:
 
 def errors() -> str:
     """Errors of all solutions in percent; those beyond their bounds are bold."""
-    rows = json.loads(FILE.read_text(encoding="utf-8"))["measurements"]
+    rows = recorded("water")["measurements"]
     groups: dict[tuple[str, str, int], list[dict[str, Any]]] = {}
     for row in rows:
         groups.setdefault((row["experiment"], row["solution"], row["cells"]), []).append(row)
