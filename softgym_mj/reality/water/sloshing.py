@@ -89,8 +89,7 @@ class Sloshing:
         elevation = np.zeros_like(times)
         for n in range(1, 2 * modes, 2):
             k = n * math.pi / self.length
-            response = math.tanh(k * self.depth)
-            own = math.sqrt(GRAVITY * k * response)
+            response, own = math.tanh(k * self.depth), _frequency(k, self.depth)
             if self.starts_at_rest:
                 swing = drive * (np.cos(drive * at) - np.cos(own * at))
             else:
@@ -102,5 +101,9 @@ class Sloshing:
 
 def natural_period(length: float, depth: float) -> float:
     """Returns the period [s] of the first sloshing mode of a tank by linear waves."""
-    k = math.pi / length
-    return 2.0 * math.pi / math.sqrt(GRAVITY * k * math.tanh(k * depth))
+    return 2.0 * math.pi / _frequency(math.pi / length, depth)
+
+
+def _frequency(k: float, depth: float) -> float:
+    """Returns the angular frequency [rad/s] of linear waves of wave number k [rad/m]."""
+    return math.sqrt(GRAVITY * k * math.tanh(k * depth))
