@@ -1,9 +1,8 @@
 """Writes tables into README.md and docs: of the tasks, and of what was measured.
 
 That is docs/cameras.json, docs/experts.json, docs/throughput.json, docs/vector.json, those of
-tools/gpu_tables.py and tools/identification_tables.py, docs/lab.csv,
-docs/rope_recordings.json, docs/cloth_recordings.json, docs/water_recordings.json, and
-docs/results.
+tools/gpu_tables.py, docs/lab.csv, docs/rope_recordings.json, docs/cloth_recordings.json,
+docs/water_recordings.json, and docs/results.
 """
 
 import json
@@ -22,7 +21,6 @@ from tools import (
     framing,
     gallery,
     gpu_tables,
-    identification_tables,
     lab_tables,
     learned,
     presets,
@@ -43,7 +41,6 @@ DOCS = ROOT / "docs"
     PICTURES,
     GPU,
     REALITY,
-    FOUND,
     PHYSICS,
     LEARNING,
 ) = (
@@ -55,14 +52,10 @@ DOCS = ROOT / "docs"
     DOCS / "pictures.md",
     DOCS / "gpu.md",
     DOCS / "reality.md",
-    DOCS / "identification.md",
     DOCS / "physics.md",
     DOCS / "learning.md",
 )
-PAGES = (
-    README, DOMAIN, ROBOTS, VALIDATION, RESULTS, PICTURES, GPU, REALITY,
-    FOUND, PHYSICS, LEARNING,
-)  # fmt: skip
+PAGES = README, DOMAIN, ROBOTS, VALIDATION, RESULTS, PICTURES, GPU, REALITY, PHYSICS, LEARNING
 POLICIES = ("zero", "random", "scripted", "cem", "icem")
 
 
@@ -238,8 +231,6 @@ def pages() -> dict[pathlib.Path, str]:
     texts[PICTURES] = between(texts[PICTURES], "gallery", stills())
     for name, of in gpu_tables.TABLES.items():
         texts[GPU] = between(texts[GPU], name, of())
-    for name, of in identification_tables.TABLES.items():
-        texts[FOUND] = between(texts[FOUND], name, of())
     reality = lab_tables.TABLES | rope_tables.TABLES | cloth_tables.TABLES | water_tables.TABLES
     for name, of in reality.items():
         texts[REALITY] = between(texts[REALITY], name, of())

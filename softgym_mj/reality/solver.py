@@ -1,9 +1,16 @@
-"""`Solver`: predicts the motion in recorded experiments."""
+"""`Solver`: predicts the motion in recorded experiments; and the step that simulations make."""
 
 from typing import Protocol, TypeVar
 
+import mujoco
 import numpy as np
 
+# MuJoCo resets the simulation and warns if values are bad.
+_BAD = (
+    mujoco.mjtWarning.mjWARN_BADQPOS,
+    mujoco.mjtWarning.mjWARN_BADQVEL,
+    mujoco.mjtWarning.mjWARN_BADQACC,
+)
 Scenario_contra = TypeVar("Scenario_contra", contravariant=True)
 
 
@@ -20,3 +27,9 @@ class Solver(Protocol[Scenario_contra]):
 
     def predict(self, scenario: Scenario_contra) -> np.ndarray:
         """Returns positions (f, ..., 3) [m] in the frames of a scenario."""
+
+
+def step(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
+    """Simulates a step; returns whether all values are finite."""
+    mujoco.mj_step(model, data)
+    return not any(data.warning[kind].number for kind in _BAD)

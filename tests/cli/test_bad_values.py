@@ -31,7 +31,7 @@ REFUSED = {
     "more episodes than variations": ["record", ROPE, "--episodes", "900"],
     "markup of a task": ["rollout", "[/b]"],
     "markup of a number": ["rollout", ROPE, "--episodes", "[/b]"],
-    "markup of a folder": ["identify", "rags", "nowhere[/b]"],
+    "markup of a folder": ["identify", "cloth", "nowhere[/b]"],
 }
 WORDS = {
     "range": ["variations='0-99999999999'", "0..999"], "index": ["variations='3,1000'", "0..999"],

@@ -10,7 +10,7 @@ from softgym_mj.cloth import solver
 from softgym_mj.entities.fabric import Fabric
 from softgym_mj.entities.intersections import count_intersections
 from softgym_mj.native.library import load_plugin
-from softgym_mj.reality.vertices import Vertices
+from softgym_mj.reality.lab.vertices import Vertices
 
 GRAVITY = 9.81
 SPACING = 0.03  # [m] Of the vertices of cloths.

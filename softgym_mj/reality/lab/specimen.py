@@ -11,7 +11,7 @@ from softgym_mj.entities.flex import HELD_MASS
 from softgym_mj.exceptions import SimulationError
 from softgym_mj.native.library import CLOTH, load_plugin
 from softgym_mj.reality.lab.theory import GRAVITY
-from softgym_mj.reality.vertices import Vertices
+from softgym_mj.reality.lab.vertices import Vertices
 
 _STILL = 1e-4  # Convergence: change relative to the total change so far.
 _ROUNDING = 1e-8  # [m] Convergence: absolute change, due to rounding.

@@ -7,10 +7,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from softgym_mj.exceptions import InvalidArgumentError, SimulationError
-from softgym_mj.reality.replay import stepped
 from softgym_mj.reality.rope.cable import Properties, compiled
 from softgym_mj.reality.rope.recordings import FRAME_TIME, HELD, Recording
 from softgym_mj.reality.rope.scenario import Scenario
+from softgym_mj.reality.solver import step
 
 # One guess for all cables: PVC of 7 mm and 20 MPa; its drag in air at 1.5 m/s.
 ASSUMED = Properties(
@@ -77,7 +77,7 @@ class CableSolver:
         for frame, targets in enumerate(scenario.held):
             for vertex, target in zip(self._held, targets, strict=True):
                 self._cable.drive(vertex, target, FRAME_TIME)
-            if stepped(self._model, self._data) is None:
+            if not step(self._model, self._data):
                 raise SimulationError(f"{self.name}: diverged at {frame * FRAME_TIME:.2f} s")
             predicted[frame] = self._cable.points()[self._markers]
         return predicted

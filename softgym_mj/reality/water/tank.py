@@ -11,7 +11,7 @@ from softgym_mj.cloth.fabrics import GRAVITY
 from softgym_mj.exceptions import SimulationError, check_number
 from softgym_mj.fluid import Liquid, Resolution, Water
 from softgym_mj.fluid.water import TIMESTEP
-from softgym_mj.reality.replay import stepped
+from softgym_mj.reality.solver import step
 
 WALL = 0.05  # [m] Thickness; the motion of walls is swept, so that it does not matter.
 NOISE = 0.01  # Noise of the lattice in spacings: a perfect one is an unstable equilibrium.
@@ -117,7 +117,7 @@ class Tank:
         Raises:
             SimulationError: If the simulation diverges.
         """
-        if stepped(self._model, self._data) is None:
+        if not step(self._model, self._data):
             raise SimulationError("the water diverged")
 
 

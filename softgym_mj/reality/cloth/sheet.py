@@ -1,0 +1,83 @@
+"""`BareSheet`: a sheet in air, which is simulated and not rendered."""
+
+import mujoco
+import numpy as np
+from dm_control import mjcf
+
+from softgym_mj.cloth import fabrics
+from softgym_mj.cloth.solver import TIMESTEP
+from softgym_mj.entities.cloth import alternating_triangles
+from softgym_mj.entities.fabric import Fabric
+from softgym_mj.entities.sheet import Sheet
+
+
+class BareSheet(Sheet):
+    """A sheet of any mesh without a skin."""
+
+    def _build(self, points: np.ndarray, triangles: np.ndarray, fabric: Fabric):
+        """Builds the sheet.
+
+        Args:
+            points: Vertices (n, 3) [m] at rest.
+            triangles: Vertex indices (m, 3).
+            fabric: The fabric.
+        """
+        self.vertex_areas = _vertex_areas(points, triangles)
+        self._start_sheet("sheet", fabric)
+        self._set_mesh(points, triangles)
+
+    def _mass(self, density: float) -> float:
+        return density * float(self.vertex_areas.sum())
+
+    def _skin(self, refinement: int) -> None:
+        return None
+
+
+def rectangle(width: float, depth: float, number: int) -> tuple[np.ndarray, np.ndarray]:
+    """Returns vertices (number**2, 3) [m] and triangles (m, 3) of a rectangle in the plane z = 0.
+
+    Rows go along X, from the largest Y to the smallest.
+    """
+    x, y = np.meshgrid(
+        np.linspace(-width / 2, width / 2, number), np.linspace(depth / 2, -depth / 2, number)
+    )
+    points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    return points, alternating_triangles(number, number)
+
+
+def compiled(
+    points: np.ndarray, triangles: np.ndarray, fabric: Fabric
+) -> tuple[BareSheet, mujoco.MjModel, mujoco.MjData]:
+    """Compiles a sheet alone, whose vertices have the masses of the areas around them.
+
+    By default MuJoCo gives all vertices of a flex the same mass: twice their share at a rim, so
+    that a hem is too heavy, the more the coarser the mesh.
+
+    Args:
+        points: Vertices (n, 3) [m] at rest.
+        triangles: Vertex indices (m, 3).
+        fabric: The fabric.
+    """
+    root = mjcf.RootElement(model="sheet")
+    root.option.gravity = [0.0, 0.0, -fabrics.GRAVITY]
+    sheet = BareSheet(points, triangles, fabric)
+    for part in (root, sheet.mjcf_model):
+        part.option.timestep = TIMESTEP
+    root.attach(sheet.mjcf_model)
+    physics = mjcf.Physics.from_mjcf_model(root)
+    sheet.after_compile(physics, None)
+    model, data = physics.model.ptr, physics.data.ptr
+    bodies = model.flex_vertbodyid[sheet.vertex_ids]
+    share = fabric.density * sheet.vertex_areas / model.body_mass[bodies]
+    model.body_mass[bodies] *= share
+    model.body_inertia[bodies] *= share[:, None]
+    mujoco.mj_setConst(model, data)
+    return sheet, model, data
+
+
+def _vertex_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Returns areas (n,) [m^2] of vertices: a third of the triangles around each."""
+    corners = points[triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = np.linalg.norm(normals, axis=1) / 2.0
+    return np.bincount(triangles.ravel(), np.repeat(areas / 3.0, 3), len(points))

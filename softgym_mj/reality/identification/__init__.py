@@ -1,1 +1,0 @@
-"""System identification: solver parameters that reproduce recorded motions, with intervals."""
