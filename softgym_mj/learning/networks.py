@@ -206,17 +206,19 @@ class Critics(nn.Module):
         *,
         norm: bool,
         number: int = 2,
+        outputs: int = 1,
         seen: nn.Module | None = None,
     ):
         super().__init__()
         self.number, self.seen = number, seen or nn.Identity()
         each = [source for source in sources for _ in range(number)]
-        self.body = MLP(each, [observation + action, *hidden, 1], norm=norm)
+        self.body = MLP(each, [observation + action, *hidden, outputs], norm=norm)
 
     def forward(self, observation: Tensor, action: Tensor) -> Tensor:
-        """Returns action values (number, seeds, n)."""
+        """Returns action values (number, seeds, n), or (number, seeds, n, outputs) of several."""
         both = torch.cat([self.seen(observation), action], dim=-1).repeat_interleave(self.number, 0)
-        return self.body(both)[..., 0].unflatten(0, (-1, self.number)).transpose(0, 1)
+        values = self.body(both).unflatten(0, (-1, self.number)).transpose(0, 1)
+        return values[..., 0] if values.shape[-1] == 1 else values
 
 
 class DeterministicPolicy(nn.Module):

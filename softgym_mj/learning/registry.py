@@ -24,6 +24,7 @@ METHODS = {
     "sac_points": ("point_sets", "PointSetSettings"),
     "bc": ("bc", "BCSettings"),
     "rlpd": ("rlpd", "RLPDSettings"),
+    "tqc": ("tqc", "TQCSettings"),
     "planet": ("planet.learner", "PlaNetSettings"),
     "wu": ("wu.learner", "WuSettings"),
     "curl": ("curl", "CURLSettings"),

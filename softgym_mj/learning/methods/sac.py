@@ -288,11 +288,16 @@ class SAC:
         return self._actor_adam, self._critic_adam, self._alpha_adam
 
 
-def make(settings: SACSettings, problem: Problem) -> OffPolicy:
-    """Returns the `Learner` of a problem."""
-    (size,) = problem.observation
+def check_symmetry(settings: SACSettings, problem: Problem) -> None:
+    """Raises `InvalidArgumentError` if observations cannot be transformed by symmetries."""
     if settings.symmetric and problem.observed not in ("reduced", "markov"):
         valid = "'reduced' or 'markov' with symmetric=True"
         raise InvalidArgumentError("observation", problem.observed, valid)
+
+
+def make(settings: SACSettings, problem: Problem) -> OffPolicy:
+    """Returns the `Learner` of a problem."""
+    check_symmetry(settings, problem)
+    (size,) = problem.observation
     sac = SAC(settings, problem.seeds, size, problem.action, problem.device)
     return OffPolicy(settings, problem, sac)
