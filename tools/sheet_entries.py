@@ -1,17 +1,21 @@
 """Entries of states and keys of info, for the data sheets: meanings, sizes and tables."""
 
-from collections.abc import Iterable, Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
 from softgym_mj.envs.environment import Environment
+from softgym_mj.registry import TaskRecord
 from softgym_mj.tasks import Task
 from softgym_mj.tasks.shared.entries import labels
+from tools import pages
 
 # Meanings of the keys of info; "reward_*" and "domain_*" are explained elsewhere.
 INFO = {
     "performance": "the task's metric",
-    "normalized_performance": "the same, scaled to 0 at the lower and 1 at the upper bound",
+    "normalized_performance": "the same, scaled to 0 at the lower and 1 at the upper bound; the "
+    "paper's score is that of the last step",
     "success": "whether `normalized_performance` is at least the task's threshold",
     "is_success": "the same under the name that Stable-Baselines3 reads",
     "variation": "index of the variation",
@@ -23,12 +27,17 @@ INFO = {
     "picks_held": "grippers that hold something",
     "dropped": "number of releases in this episode",
     "yielded": "how many of these were releases under load",
-    "normalized_coverage": "secondary metric: covered area relative to the flat cloth's (NC)",
-    "normalized_improvement": "secondary metric: the same, scaled to 0 at the start (NI)",
-    "mean_corner_distance": "secondary metric: mean distance of corners from targets, top view [m]",
-    "outline_iou": "secondary metric: intersection over union of the covered and the target area",
-    "wrinkle_height": "secondary metric: height of the highest point above the target [m]",
-    "mean_point_error": "secondary metric: mean distance of the vertices from their targets [m]",
+    "normalized_coverage": "secondary: covered area in top view over the flat cloth's, NC of VCD "
+    "(Lin et al., 2021)",
+    "normalized_improvement": "secondary: the same, scaled to 0 at the start, their NI",
+    "mean_corner_distance": "secondary: mean distance of the corners from their places in top "
+    "view [m]",
+    "outline_iou": "secondary: intersection over union of the covered and the goal's area in top "
+    "view",
+    "wrinkle_height": "secondary: height of the highest vertex above the place of the upper "
+    "layer [m]",
+    "mean_point_error": "secondary: mean distance of the vertices from the goal's, from the better "
+    "end [m]; goal of `straighten_rope`: a straight rope with the middle and direction of the ends",
     "rejected_moves": "sim steps of the last env step in which the cup was not allowed to move",
     "end_point_distance": "distance of the two ends [m]",
     "initial_normalized_performance": "`normalized_performance` at reset",
@@ -44,7 +53,7 @@ INFO = {
     "ik_failures": "control steps in which the arm's controller found no joint velocities",
     "at_reach": "commanded points at the limit of their arm's reach",
 }
-# Keys of info that are explained once, by what has them.
+# Keys of info that do not depend on the task, by what has them.
 COMMON = {
     "all": ("performance", "normalized_performance", "success", "is_success", "variation",
             "physics_warnings", "diverged"),
@@ -53,6 +62,19 @@ COMMON = {
     "pick and place": ("sim_steps",),
     "arms": ("ik_failures", "at_reach"),
 }  # fmt: skip
+# Entries of which a table has one row for all corners, grippers or arms.
+_NUMBERED = re.compile(r"(?P<noun>corner|gripper|arm) (?P<number>p?\d)(?P<rest>.*)")
+
+
+def actors_of(record: TaskRecord) -> dict[str, Task]:
+    """The task with each actor that it can have, the usual one first."""
+    return {actor: record.build(actor=actor) for actor in record.resolve().actors}
+
+
+def own_keys(env: Environment) -> list[str]:
+    """Keys of info that a task adds to the common ones, after a reset."""
+    common = {key for keys in COMMON.values() for key in keys}
+    return [key for key in env.info() if key not in common]
 
 
 def ending_entries(task: Task) -> dict[str, int]:
@@ -81,16 +103,39 @@ def sizes(arrays: dict[str, np.ndarray]) -> dict[str, int]:
 
 def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """A Markdown table."""
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines) + "\n"
+    lines = [f"| {' | '.join(map(str, row))} |".replace("|  |", "| |") for row in rows]
+    return pages.table(f"| {' | '.join(header)} |", lines) + "\n"
 
 
-def entry_table(entries: Mapping[str, int], start: int = 0) -> str:
-    """Table of the entries of a state from index `start`; `entries` maps "name [unit]" to sizes."""
-    rows = []
-    for label, number in entries.items():
-        end = start + number - 1
-        name, _, unit = label.rstrip("]").partition(" [")
-        rows.append((start if end == start else f"{start} to {end}", name, unit))
-        start = end + 1
-    return table(("entries", "what", "unit"), rows)
+def merged(entries: Mapping[str, int]) -> Iterator[tuple[str, str]]:
+    """Indices and labels of entries: one row for what all corners, grippers or arms have."""
+    spans: dict[tuple[str, str], list[range]] = {}
+    numbers: dict[tuple[str, str], list[str]] = {}
+    start = 0
+    for label, size in entries.items():
+        found = _NUMBERED.fullmatch(label)
+        key = (found["noun"], found["rest"]) if found else (label, "")
+        numbers.setdefault(key, []).append(found["number"] if found else "")
+        own = spans.setdefault(key, [])
+        first = own.pop().start if own and own[-1].stop == start else start
+        start += size
+        own.append(range(first, start))
+    for (noun, rest), own in spans.items():
+        label, indices = noun, (f"{i[0]} to {i[-1]}" if len(i) > 1 else str(i[0]) for i in own)
+        match numbers[noun, rest]:
+            case [""]:
+                pass
+            case [one]:
+                label = f"{noun} {one}{rest}"
+            case several:
+                each = re.sub("^,", ":", rest).replace("(x, y, z)", "(x, y, z each)")
+                label = f"{noun}s {', '.join(several)}{each}"
+        yield ", ".join(indices), label
+
+
+def entry_table(entries: Mapping[str, int]) -> str:
+    """Table of the entries of a state; `entries` maps "name [unit]" to sizes."""
+    cells = (
+        (indices, *label.rstrip("]").partition(" [")[::2]) for indices, label in merged(entries)
+    )
+    return table(("entries", "what", "unit"), cells)

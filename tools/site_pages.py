@@ -46,7 +46,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
     sheets = [{path.stem: f"tasks/{path.name}"} for path in sorted((ROOT / "docs/tasks").iterdir())]
     notebooks = [PAGES[f"notebooks/{name}"] for name in NOTEBOOKS]
     start, tasks = config.nav[:2]
-    tasks["Tasks"] = sheets
+    tasks["Tasks"] += sheets
     next(entry for entry in start["Start"] if "Notebooks" in entry)["Notebooks"] = notebooks
     return config
 

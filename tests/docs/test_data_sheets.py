@@ -9,7 +9,7 @@ import pytest
 import softgym_mj
 from softgym_mj.robots.arm.models import ARMS
 from tests.kinds import by_material
-from tools import data_sheets, sheet_entries
+from tools import data_sheets, interface_page, sheet_entries
 
 STATES = ("full", "reduced", "markov", "proprioception")
 CASES = [
@@ -31,21 +31,20 @@ def test_sheets_are_up_to_date(task):
 
 @pytest.mark.long  # It builds every task with every actor.
 def test_the_page_of_common_entries_is_up_to_date():
-    assert data_sheets.INTERFACE.read_text() == data_sheets.interface(), "run `make sheets`"
+    assert interface_page.FILE.read_text() == interface_page.page(), "run `make sheets`"
 
 
-def test_keys_of_info_are_explained_once():
-    common = [key for keys in sheet_entries.COMMON.values() for key in keys]
-    page = data_sheets.INTERFACE.read_text()
-    assert all(page.count(f"| `{key}` |") == 1 for key in common)
+def test_keys_of_info_are_explained_once_and_listed_on_the_sheets():
+    common = {key for keys in sheet_entries.COMMON.values() for key in keys}
+    page = interface_page.FILE.read_text()
     for name in softgym_mj.TASKS:
         sheet = (data_sheets.FOLDER / f"{name}.md").read_text()
-        (terms,) = re.findall("^Terms of the reward: (.*)$", sheet, re.MULTILINE) or [""]
+        (listed,) = re.findall("^Terms of the reward: (.*)$", sheet, re.MULTILINE)
         env = softgym_mj.load(name)
         env.reset(800)
         for key in env.info():
-            row = f"| `{key}` |"
-            assert (row in sheet or f"`{key}`" in terms) != (row in page), key
+            assert page.count(f"| `{key}` |") == (not key.startswith("reward_")), key
+            assert (f"`{key}`" in listed) != (key in common), key
 
 
 def test_there_is_a_sheet_for_every_task_and_no_other():
@@ -53,14 +52,33 @@ def test_there_is_a_sheet_for_every_task_and_no_other():
     assert all(set(ARMS) < set(task.resolve().actors) for task in softgym_mj.TASKS.values())
 
 
-def test_sheets_have_the_dtypes_of_both_interfaces():
+def test_observations_have_the_sizes_and_dtypes_of_the_pages():
     sheet = (data_sheets.FOLDER / "fold_cloth.md").read_text()
+    page = interface_page.FILE.read_text()
     names = [*STATES, "full_mask", "rgb", "depth"]
     in_dm_env = softgym_mj.load("fold_cloth", observation=names).observation_spec()
     in_gymnasium = gymnasium.make("softgym_mj/FoldCloth-v0", observation=names).observation_space
-    for name in names:
+    for name in (*STATES, "full_mask"):
+        assert f"`{name}` {in_dm_env[name].shape[0]}" in sheet
+    for name in STATES:
         dtypes = in_dm_env[name].dtype, in_gymnasium[name].dtype
-        assert f"| `{name}` | {in_dm_env[name].shape} | {dtypes[0]} | {dtypes[1]} |" in sheet
+        assert "States are {} in dm_env and {} in Gymnasium.".format(*dtypes) in page
+    for name in ("full_mask", "rgb", "depth"):
+        assert in_dm_env[name].dtype == in_gymnasium[name].dtype
+        assert f"| `{name}` | {in_dm_env[name].dtype}" in page
+
+
+def test_entries_of_all_corners_or_grippers_have_one_row():
+    corners = {f"corner p{i} (x, y, z) [m]": 3 for i in (1, 2)}
+    grippers = {"gripper 0, grip": 1, "gripper 0, dx": 1, "gripper 1, grip": 1}
+    entries = corners | {"share": 1} | grippers | {"arm 0, joints": 7}
+    assert list(sheet_entries.merged(entries)) == [
+        ("0 to 5", "corners p1, p2 (x, y, z each) [m]"),
+        ("6", "share"),
+        ("7, 9", "grippers 0, 1: grip"),
+        ("8", "gripper 0, dx"),
+        ("10 to 16", "arm 0, joints"),
+    ]
 
 
 @pytest.mark.parametrize(("name", "settings"), CASES, ids=str)

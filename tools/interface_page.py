@@ -1,0 +1,116 @@
+"""The page docs/interface.md: what all tasks have in common, read from the tasks."""
+
+import pathlib
+from collections.abc import Iterator
+
+from softgym_mj.envs.load import load
+from softgym_mj.registry import TASKS
+from softgym_mj.rendering.observables import WRIST_RGB
+from softgym_mj.robots.gripper import HELD
+from softgym_mj.tasks import Task
+from softgym_mj.tasks.shared.observations import GOAL_RGB, OBSERVATIONS
+from tools.sheet_entries import COMMON, INFO, actors_of, entry_table, merged, own_keys, table
+
+FILE = pathlib.Path(__file__).parent.parent / "docs" / "interface.md"
+INTRODUCTION = """# What the tasks share
+
+The [data sheets](tasks/fold_cloth.md) list what differs between tasks. Their sizes are those of
+`fidelity="default"` and two grippers; [arguments](arguments.md) change them. The physics step is
+0.01 s, positions are in meters in the world frame. Variations 0 to 799 train, 800 to 999 evaluate.
+An episode ends after its horizon, and [before only if the simulation
+diverges](arguments.md#how-episodes-end). Sides of a cloth are counted in SoftGym's particles,
+rho = 0.00625 m apart: dimx columns along X, dimy rows.
+"""
+ACTIONS = """All entries range from -1 to 1. A gripper is a picker or the hand of an arm. Arms have
+these actions with `action="position"`; `"pose"` and `"joints"` have [others](robots.md#actions).
+"""
+STATES = "States are float64 in dm_env and float32 in Gymnasium.\n"
+PROPRIOCEPTION = "These entries end `reduced` and `full`, except with a cup.\n"
+MARKOV = "`markov` is `reduced`, then the memory of the actor:\n"
+OTHERS = """`cameras` (Gymnasium, with images) is the [calibration](arguments.md#cameras),
+`domain_*` the value of each [domain parameter](domain.md#parameters) that varies, `intersections`
+the number of self-intersections (`count_intersections=True`), `reward_*` a term of the reward,
+which is their sum. *Secondary* metrics are those of other work; `softgym-mj evaluate` reports them.
+"""
+SUMMARIES = {
+    **OBSERVATIONS,
+    HELD: "cloth, rope: uint8 (grippers,), 1 for each that holds something, else 0",
+    GOAL_RGB: "`rope_configuration`: uint8 image (height, width, 3), `rgb` with the goal reached",
+    WRIST_RGB: "with arms: uint8 images (arms, height, width, 3) from the cameras on their hands",
+}
+KINDS = {
+    kind: {n for n, r in TASKS.items() if kind in r.tags} for kind in ("cloth", "rope", "water")
+}
+
+
+def named(tasks: set[str]) -> str:
+    """Tasks by the materials of which they are all the tasks, otherwise by their names."""
+    kinds = {kind: own for kind, own in KINDS.items() if own <= tasks}
+    names = sorted(tasks.difference(*kinds.values()))
+    return ", ".join([*kinds, *(f"`{name}`" for name in names)])
+
+
+def actor_tables(part: str) -> Iterator[str]:
+    """Tables of "actions", "proprioception" or "markov": one for all actors of the same entries."""
+    groups: dict[tuple, dict[str, set[str]]] = {}
+    for name, record in TASKS.items():
+        for actor, task in actors_of(record).items():
+            own = groups.setdefault(_entries(part, task), {})
+            own.setdefault(f"`{actor}`", set()).add(name)
+    for entries, actors in groups.items():
+        tasks = set().union(*actors.values())
+        yield f"{', '.join(actors)} ({named(tasks)}):\n"
+        if part == "actions":
+            rows = merged({"\t".join(entry): 1 for entry in entries})
+            cells = ((indices, *label.split("\t")) for indices, label in rows)
+            yield table(("entry", "what", "unit", "scale"), cells)
+        else:
+            yield entry_table(dict(entries))
+
+
+def _entries(part: str, task: Task) -> tuple:
+    """Entries of an actor's actions, measurements or memory."""
+    actor = task.actor
+    if part == "actions":
+        return actor.actions.entries
+    return tuple((actor.senses if part == "proprioception" else actor.remembers).items())
+
+
+def info() -> str:
+    """Table of the keys of info and of what has them."""
+    owners: dict[str, set[str]] = {}
+    for name in TASKS:
+        env = load(name)
+        env.reset(0)
+        for key in own_keys(env):
+            if not key.startswith("reward_"):
+                owners.setdefault(key, set()).add(name)
+    common = [(key, where) for where, keys in COMMON.items() for key in keys]
+    own = [(key, named(tasks)) for key, tasks in owners.items()]
+    return table(
+        ("key", "in", "what"), ((f"`{key}`", where, INFO[key]) for key, where in common + own)
+    )
+
+
+def page() -> str:
+    """The page of what all tasks have in common."""
+    summaries = ((f"`{name}`", what) for name, what in SUMMARIES.items())
+    parts = [
+        INTRODUCTION,
+        "## Actions\n",
+        ACTIONS,
+        *actor_tables("actions"),
+        "## Observations\n",
+        STATES,
+        table(("observation", "what"), summaries),
+        "### `proprioception`\n",
+        PROPRIOCEPTION,
+        *actor_tables("proprioception"),
+        "### `markov`\n",
+        MARKOV,
+        *actor_tables("markov"),
+        "## info\n",
+        info(),
+        OTHERS,
+    ]
+    return "\n".join(parts)
