@@ -121,7 +121,7 @@ def covered_area(vertices: Array, triangles: Array, lines: int = AREA_LINES) -> 
 
     The covered length is exact along X on each of `lines` equidistant lines of constant Y, and
     integrated along Y by the midpoint rule. The result depends neither on the mesh resolution nor
-    on the orientation; for an axis-aligned flat cloth it equals SoftGym's (docs/softgym.md A).
+    on the orientation; for an axis-aligned flat cloth it equals SoftGym's (docs/softgym.md 3.6).
 
     Args:
         vertices: (..., n, 3) or (..., n, 2) positions [m].

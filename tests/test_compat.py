@@ -12,7 +12,7 @@ from softgym_mj import compat
 from softgym_mj.compat import SOFTGYM_ENVS, ReplacedError, env_arg_dict, normalize
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, UnavailableError
 
-# Sizes of SoftGym's key point vectors (docs/softgym.md 1.5), with two that we add to
+# Sizes of SoftGym's key point vectors (docs/softgym.md 3), with two that we add to
 # PourWaterAmount.
 KEY_POINTS = {
     "PassWater": 7, "PourWater": 13, "PourWaterAmount": 15, "RopeFlatten": 36,

@@ -12,8 +12,9 @@ from softgym_mj.exceptions import InvalidArgumentError
 RHO = 0.00625  # FleX particle spacing [m].
 SQUARE_CELLS = 100  # SoftGym's covered-area grid has 100 x 100 cells.
 
-# Facts, Appendix A. (n, m): upper bound, flat aligned area, its ratio, ratios when rotated by 15,
-# 30 and 45 degrees, ratio of the half-fold. Ratios are relative to the upper bound n m rho^2.
+# Cloths of docs/softgym.md 3.6. (n, m): upper bound, flat aligned area, its ratio, ratios when
+# rotated by 15, 30 and 45 degrees, ratio of the half-fold. Ratios are relative to the upper bound,
+# n m rho^2.
 TABLE = {
     (60, 60): (0.140625, 0.135977, 0.9669, (1.0368, 1.0400, 1.0428), 0.4753),
     (96, 58): (0.217500, 0.211523, 0.9725, (1.0309, 1.0344, 1.0361), 0.4811),
@@ -270,8 +271,8 @@ def test_area_of_a_line_is_zero(direction):
 @pytest.mark.parametrize(
     ("performance", "lower", "upper", "expected"),
     [
-        (-0.25, -0.5, 0.0, 0.5),  # docs/softgym.md A: StraightenRope, end distance 0.25 m.
-        (-0.0375, -0.5, 0.0, 0.925),  # docs/softgym.md A: StraightenRope, end distance 0.5375 m.
+        (-0.25, -0.5, 0.0, 0.5),  # StraightenRope (docs/softgym.md 3.4), end distance 0.25 m.
+        (-0.0375, -0.5, 0.0, 0.925),  # The same, end distance 0.5375 m: relaxed.
         (-0.6, -1.2, 0.0, 0.5),
         (2.0, 0.0, 1.0, 2.0),  # Not clipped above ...
         (-1.0, 0.0, 1.0, -1.0),  # ... nor below.

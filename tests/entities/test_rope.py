@@ -31,7 +31,7 @@ def test_natural_length_and_mass(env):
 
 @pytest.mark.parametrize(
     ("distance", "normalized"),
-    # docs/softgym.md A: d = 0.25 gives 0.5, d = 0.5375 gives 0.925.
+    # docs/softgym.md 3.4: d = 0.25 gives 0.5, d = 0.5375 gives 0.925.
     [(0.5, 1.0), (0.25, 0.5), (0.5375, 0.925), (0.0, 0.0), (0.45, 0.9)],
 )
 def test_reward_table(env, distance, normalized):

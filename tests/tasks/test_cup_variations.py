@@ -1,4 +1,4 @@
-"""Sizes of water and cups against values worked out by hand (docs/softgym.md 3.0 to 3.2, A)."""
+"""Sizes of water and cups against values worked out by hand (docs/softgym.md 3.0 to 3.2)."""
 
 import pickle
 
@@ -19,7 +19,7 @@ MEDIUM, LARGE = Sample(8, 28, 8), Sample(8, 32, 8)
 FAMILIES = pytest.mark.parametrize("family", [TransportCups(), PourCups()], ids=lambda f: f.name)
 
 
-def test_transport_cups_of_appendix_a():
+def test_transport_cups_of_eight_by_eight_particles():
     for sample, count, height in ((MEDIUM, 1792, 0.2109), (LARGE, 2048, 0.1834)):
         scene = transport_variation(sample)
         assert sample.count == count
@@ -28,7 +28,7 @@ def test_transport_cups_of_appendix_a():
         assert scene.cup.wall == 0.045 and scene.target is None
 
 
-def test_pour_cups_of_appendix_a():
+def test_pour_cups_of_eight_by_eight_particles():
     for sample, low, high in ((MEDIUM, 0.2453, 0.2463), (LARGE, 0.2060, 0.2070)):
         shortest, tallest = pour_variation(sample, 0, 0, 0), pour_variation(sample, 1, 1, 1)
         assert shortest.cup.length == shortest.cup.width == pytest.approx(0.2452, abs=5e-5)

@@ -106,7 +106,7 @@ def test_folds_are_measured_as_by_a_slow_loop(columns):
     ],
 )
 def test_a_flat_cloth_has_softgyms_initial_performance(dimx, fidelity, expected):
-    """docs/softgym.md A."""
+    """The bound of docs/softgym.md 3.7, by hand."""
     cloth = compiled((dimx, 70), fidelity)
     cloth.set_points(cloth.flat(angle=0.3))
     measures = metrics.fold(cloth.arrays, cloth.points(), cloth.particles())
@@ -191,7 +191,7 @@ def test_fold_cloth_starts_above_the_middle_of_the_first_column(fold):
 
 # ---------------------------------------------------------------------------------------- dropping
 
-# docs/softgym.md A: (dimx, x [m], height of the lower edge [m], performance).
+# Integrals of docs/softgym.md 3.9: (dimx, x [m], height of the lower edge [m], performance).
 IDEAL_DROPS = [
     (60, 0.0, 0.1, -0.3901), (60, 0.0, 0.2, -0.4459), (60, -0.1, 0.15, -0.4606),
     (60, 0.1, 0.15, -0.3657), (80, 0.0, 0.1, -0.4661), (80, 0.0, 0.2, -0.5426),

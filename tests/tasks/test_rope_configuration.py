@@ -16,8 +16,8 @@ from softgym_mj.tasks.shared.letters import letter as line
 
 KEYS = [0, 4, 9, 13, 18, 22, 27, 31, 36, 40]
 
-# docs/softgym.md E: path length, extent along X and Y, and gap between the ends of the letters [m];
-# ours have a length of 0.5 m.
+# SoftGym's letters (docs/softgym.md E): path length, extent along X and Y, and gap between the
+# ends [m]; ours have a length of 0.5 m. SoftGym has 42, 45, 65, 41 and 41 points.
 MEASURED = {
     "S": (0.516, 0.129, 0.185, 0.159), "O": (0.555, 0.166, 0.184, 0.011),
     "M": (0.805, 0.171, 0.190, 0.164), "C": (0.506, 0.158, 0.202, 0.091),

@@ -136,7 +136,7 @@ def test_a_bad_action_is_told_what_the_cup_takes(pour):
 # ---------------------------------------------------------------- rewards
 
 
-def test_transport_reward_of_appendix_a(transport):
+def test_transport_reward_by_hand(transport):
     transport.reset(VARIATION)
     task = transport.task
     assert transport.info()["performance"] == -1.2
