@@ -21,8 +21,9 @@ def folder(monkeypatch, tmp_path):
     return tmp_path / "initial_states"
 
 
-def _first(task):
-    envs = softgym_mj.make_vec(task, 4, device="host", fidelity="fast", observation="full")
+def _first(task, **settings):
+    settings = {"observation": "full", **settings}
+    envs = softgym_mj.make_vec(task, 4, device="host", fidelity="fast", **settings)
     found = envs.reset(options={"variation": VARIATIONS})
     envs.close()
     return found
@@ -39,6 +40,11 @@ def test_a_second_start_simulates_nothing_and_is_the_same(task, folder, monkeypa
 def test_cloths_are_too_large_to_be_kept(folder):
     softgym_mj.make_vec("fold_cloth", 4, device="host").reset(options={"variation": VARIATIONS})
     assert not folder.exists()
+
+
+def test_scenes_of_images_are_not_kept(folder):
+    seen, _ = _first("straighten_rope", observation="rgb", image_size=(32, 32))
+    assert seen.shape == (4, 32, 32, 3) and not folder.exists()
 
 
 def test_folders_of_other_versions_are_deleted(folder):

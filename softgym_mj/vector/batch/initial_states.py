@@ -122,7 +122,8 @@ class InitialStateCache:
                 self.row(variation)
             return
         pickled = cloudpickle.dumps((self._make, type(self._physics), self._cameras.observed))
-        files = start_files(pickled, type(self._env.task))
+        # Scenes of images have textures, which are larger than the states.
+        files = None if self._cameras.observed else start_files(pickled, type(self._env.task))
         found = {} if files is None else {v: files.get(v) for v in missing if files.has(v)}
         new = [v for v in missing if v not in found]
         shares = [new[i : i + _SHARE] for i in range(0, len(new), _SHARE)]
