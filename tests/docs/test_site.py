@@ -22,7 +22,7 @@ def test_the_site_builds_without_warnings(tmp_path):
     built = subprocess.run(command, cwd=ROOT, env=env, capture_output=True, text=True, check=False)
     assert built.returncode == 0, built.stderr
     home = (tmp_path / "index.html").read_text()
-    for part in ('href="validation/"', 'href="fluid/"', 'src="videos/tasks.webp"'):
+    for part in ('href="validation/"', 'href="fluid/"', 'src="videos/pour_water-wrist.webp"'):
         assert part in home
     for source in (ROOT / "notebooks").glob("*.ipynb"):
         page = (tmp_path / "notebooks" / source.stem / "index.html").read_text()
@@ -55,6 +55,38 @@ def test_a_notebook_is_shown_with_what_it_printed_pictures_and_videos(tmp_path):
     assert f"]({name})" in text and "show()" in text
     assert "\n    reward -0.5\n" in text and f"\n{video['text/html']}\n" in text
     assert video["text/plain"] not in text
+
+
+def test_tables_have_classes_that_fit_them_to_phones():
+    from tools import site_layout
+
+    header = "<tr><th>task</th><th><code>ur5e</code></th><th>score</th><th>note</th></tr>"
+    cells = (
+        "<td><code>pour_water</code></td><td><img src='a.jpg'></td>"
+        f"<td style='a'>0.86 (0.85 to 0.88), SAC</td><td>{'long ' * 9}</td>"
+    )
+    table = site_layout.with_classes(f"<table>\n{header}\n<tr>\n{cells}\n</tr></table>")
+    assert header in table
+    for cell in (
+        "<td><code>pour_<wbr>water</code></td>",
+        """<td class="picture" data-label="ur5e"><img src='a.jpg'></td>""",
+        """<td style='a' class="number">0.86""",
+        f'<td class="words">{"long " * 9}</td>',
+    ):
+        assert cell in table
+
+
+def test_the_hero_is_a_grid_of_all_videos_with_captions():
+    from tools import site_layout, videos
+
+    assert list(site_layout.VIDEOS) == [*videos.TASKS, *videos.ARMS]
+    hero = '<p>A</p><p><img alt="All" src="videos/tasks.webp" /></p><p>B</p>'
+    page = site_layout.on_page_content(hero, None, None, None)
+    assert page.startswith("<p>A</p><div") and page.endswith("</div><p>B</p>")
+    assert page.count("<figcaption>") == len(site_layout.VIDEOS) and "tasks.webp" not in page
+    caption = "<figcaption>fold_<wbr>cloth, Franka</figcaption>"
+    assert '<a href="tasks/fold_cloth/"><img src="videos/fold_cloth-tilted.webp"' in page
+    assert caption in page
 
 
 def test_the_reference_has_every_public_module():
