@@ -196,7 +196,7 @@ Body* Bodies::Find(int id) {
   const Tree& tree = trees_[body.tree];
   const int n = tree.count;
   mju_copy3(body.center, d_->xipos + 3 * id);
-  body.turn[0] = 1;
+  body.so_far.turn[0] = 1;
   body.response.assign(6 * n, 0);
   FillJacobian(id, tree, &body.jacobian);
   std::vector<double> column(n);
@@ -239,13 +239,7 @@ Body* Bodies::Find(int id) {
 }
 
 void Bodies::Move() {
-  for (Body& body : bodies_) {
-    for (int k = 0; k < 6; ++k) {
-      body.rigid.move[k] += h_ * h_ * body.acceleration[k];
-      body.rigid.impulse[k] = 0;
-    }
-    for (int k = 0; k < 3; ++k) body.rigid.center[k] = static_cast<float>(body.center[k] + body.shift[k]);
-  }
+  for (Body& body : bodies_) MoveRigid(body.center, body.so_far, body.acceleration, h_, &body.rigid);
 }
 
 void Bodies::Push(const double arm[3], const double impulse[3], Body* body) {
@@ -282,14 +276,7 @@ void Bodies::Share() {
 void Bodies::Finish() {
   for (Body& body : bodies_) {
     for (int k = 0; k < 6; ++k) body.moved[k] += body.impulse[k];
-    for (int k = 0; k < 3; ++k) body.shift[k] += body.rigid.move[k];
-    // The rotation is small: no sine is needed, which would differ between libraries.
-    const double* w = body.rigid.move + 3;
-    const double q[4] = {1, w[0] / 2, w[1] / 2, w[2] / 2};
-    double turn[4];
-    mju_mulQuat(turn, q, body.turn);
-    mju_normalize4(turn);
-    mju_copy4(body.turn, turn);
+    FinishRigid(body.rigid, &body.so_far);
   }
 }
 

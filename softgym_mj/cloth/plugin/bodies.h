@@ -8,6 +8,7 @@
 #include <mujoco/mujoco.h>
 
 #include "cloth/plugin/kernels.h"
+#include "cloth/plugin/rigid.h"
 #include "cloth/plugin/start.h"
 
 namespace softgym_mj::cloth {
@@ -16,8 +17,7 @@ namespace softgym_mj::cloth {
 struct Body {
   int tree;                // Index in the trees of `Bodies`.
   double center[3];        // Center of mass at the start of the step [m].
-  double turn[4];          // Rotation since then (quaternion).
-  double shift[3];         // Displacement of the center since then [m].
+  Displacement so_far;     // Since then.
   double velocity[6];      // Linear and angular velocity at the start of the step.
   double acceleration[6];  // Mean acceleration of the step without flexes.
   double impulse[6];       // Sum of impulses of the substeps so far [kg m].

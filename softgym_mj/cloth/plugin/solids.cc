@@ -31,23 +31,6 @@ constexpr int kMostPoints = 16;  // Largest number of fixed points along an edge
 constexpr int kMostRows = 1 << 19;
 constexpr int kMostDofs = 2000;  // Limit of a tree whose inertia is inverted: 32 MB.
 
-Shape ShapeOf(int type) {
-  switch (type) {
-    case mjGEOM_SPHERE:
-      return Shape::kSphere;
-    case mjGEOM_CAPSULE:
-      return Shape::kCapsule;
-    case mjGEOM_ELLIPSOID:
-      return Shape::kEllipsoid;
-    case mjGEOM_CYLINDER:
-      return Shape::kCylinder;
-    case mjGEOM_BOX:
-      return Shape::kBox;
-    default:
-      return Shape::kPlane;
-  }
-}
-
 // Upper bound of the displacement of a moving geom in the step [m].
 double FurthestWay(const mjModel* m, const mjData* d, int geom) {
   const int body = m->geom_bodyid[geom];
@@ -71,6 +54,29 @@ double Friction(const mjModel* m, int geom, int flex) {
   const double of_geom = m->geom_friction[3 * geom], of_flex = m->flex_friction[3 * flex];
   const int ahead = m->geom_priority[geom] - m->flex_priority[flex];
   return ahead > 0 ? of_geom : ahead < 0 ? of_flex : std::max(of_geom, of_flex);
+}
+
+Shape ShapeOf(int type) {
+  switch (type) {
+    case mjGEOM_SPHERE:
+      return Shape::kSphere;
+    case mjGEOM_CAPSULE:
+      return Shape::kCapsule;
+    case mjGEOM_ELLIPSOID:
+      return Shape::kEllipsoid;
+    case mjGEOM_CYLINDER:
+      return Shape::kCylinder;
+    case mjGEOM_BOX:
+      return Shape::kBox;
+    default:
+      return Shape::kPlane;
+  }
+}
+
+void CopySize(const mjModel* m, int geom, float size[3]) {
+  const Shape shape = ShapeOf(m->geom_type[geom]);
+  for (int k = 0; k < 3; ++k) size[k] = static_cast<float>(m->geom_size[3 * geom + k]);
+  if (shape == Shape::kCylinder || shape == Shape::kCapsule) size[2] = 0;
 }
 
 float MostPush(double h) { return static_cast<float>(kMostForce * h * h); }
@@ -158,11 +164,8 @@ void Solids::Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cl
     active.body = body ? static_cast<int>(body - bodies_.all().data()) : -1;
     active.small = body && body->gives_way && m->geom_rbound[g] < kSmall;
     active.view.shape = ShapeOf(m->geom_type[g]);
-    for (int k = 0; k < 3; ++k) {
-      active.view.size[k] = static_cast<float>(m->geom_size[3 * g + k]);
-      active.offset[k] = center[k] - (body ? body->center[k] : 0);
-    }
-    if (active.view.shape == Shape::kCylinder || active.view.shape == Shape::kCapsule) active.view.size[2] = 0;
+    CopySize(m, g, active.view.size);
+    for (int k = 0; k < 3; ++k) active.offset[k] = center[k] - (body ? body->center[k] : 0);
     mju_copy(active.matrix, d->geom_xmat + 9 * g, 9);
     for (int k = 0; k < 3; ++k) active.view.pose[k] = static_cast<float>(center[k]);
     for (int k = 0; k < 9; ++k) active.view.pose[3 + k] = static_cast<float>(active.matrix[k]);
@@ -278,17 +281,7 @@ void Solids::Find(const ClothKernels& kernels, const Points& points, int substep
     if (active.body >= 0) {
       Body& body = bodies_.all()[active.body];
       rigid = &body.rigid;
-      mjtNum turned[9], offset[3], column[3], result[3];
-      mju_rotVecQuat(offset, active.offset, body.turn);
-      for (int c = 0; c < 3; ++c) {
-        for (int k = 0; k < 3; ++k) column[k] = active.matrix[3 * k + c];
-        mju_rotVecQuat(result, column, body.turn);
-        for (int k = 0; k < 3; ++k) turned[3 * k + c] = result[k];
-      }
-      for (int k = 0; k < 3; ++k) {
-        active.view.pose[k] = static_cast<float>(body.center[k] + body.shift[k] + offset[k]);
-      }
-      for (int k = 0; k < 9; ++k) active.view.pose[3 + k] = static_cast<float>(turned[k]);
+      PlaceGeom(body.center, body.so_far, active.offset, active.matrix, &active.view);
     }
     kernels.FindSolid(points, position_.data(), active.view, rigid, active.point_blocks.data(),
                       static_cast<int>(active.point_blocks.size()), false, static_cast<float>(substeps));

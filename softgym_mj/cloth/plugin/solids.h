@@ -34,6 +34,10 @@ bool MayTouch(const mjModel* m, int geom, const Mesh& mesh, int part);
 double Friction(const mjModel* m, int geom, int flex);
 // Largest impulse of a kinematic body on a point in a substep of h [s] [kg m].
 float MostPush(double h);
+// Shape of a geom of a type of MuJoCo; a plane for unsupported types.
+Shape ShapeOf(int type);
+// Size of a geom of mjModel [m].
+void CopySize(const mjModel* m, int geom, float size[3]);
 // Returns "" or an error about a geom that may touch.
 std::string CheckGeoms(const mjModel* m, const Mesh& mesh);
 

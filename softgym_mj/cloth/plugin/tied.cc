@@ -112,11 +112,11 @@ void Tied::Pass(const Points& points) {
 void Tied::Hold(const Points& points) {
   for (Rider& rider : riders_) {
     const Body& body = bodies_->all()[rider.body];
-    mju_rotVecQuat(rider.arm, rider.start, body.turn);
+    mju_rotVecQuat(rider.arm, rider.start, body.so_far.turn);
     float *now = points.now + 4 * rider.tie.vertex, *before = points.before + 4 * rider.tie.vertex;
     for (int k = 0; k < 3; ++k) {
       rider.gone[k] += rider.own[k];
-      now[k] = static_cast<float>(body.shift[k] + rider.arm[k] - rider.start[k] + rider.gone[k]);
+      now[k] = static_cast<float>(body.so_far.shift[k] + rider.arm[k] - rider.start[k] + rider.gone[k]);
     }
     now[3] = before[3] = 0;
   }
