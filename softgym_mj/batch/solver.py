@@ -62,8 +62,10 @@ class BatchSolver:
         kind: Kind of the library's functions.
         fields: Shapes of state arrays by name: the first size is a name of `sizes` or a number.
             Each array (num_envs, size, ...) is an attribute of its name.
-        last_fields: Names of fields that the struct `Batch` has at its end.
         inputs: Shapes and dtypes of the inputs of a step by name.
+        outputs: Shapes and dtypes of further results of a step by name, which are attributes.
+        exact: Names of sizes that are the same in all models.
+        last: Names of fields, inputs, outputs and sizes that the struct `Batch` has at its end.
         device: Device of the arrays.
         models: Models (num_envs,) int64 from `load`; environments with 0 are not stepped.
         queue: Order of environments on a GPU.
@@ -74,25 +76,30 @@ class BatchSolver:
     kind: str
     fields: Mapping[str, tuple[str | int, *tuple[int, ...]]]
     inputs: Mapping[str, Shape]
-    last_fields: tuple[str, ...] = ()
+    outputs: Mapping[str, Shape] = {}
+    exact: tuple[str, ...]
+    last: tuple[str, ...] = ()
 
     def __init__(self, num_envs: int, sizes: Mapping[str, int], device: Device | None = None):
         """Allocates zeros, without models.
 
         Args:
             num_envs: Number of environments.
-            sizes: Sizes of the largest model by name; the last one, the number of objects with
-                prescribed motion, must be the same in all models.
+            sizes: Sizes of the largest model by name.
             device: Device of the arrays; None means this processor.
         """
         self.device = device = device or CpuDevice()
         self._number, self._sizes = num_envs, dict(sizes)
         for name, (size, *more) in self.fields.items():
             setattr(self, name, device.zeros((num_envs, self._size(size, sizes), *more), "float64"))
-        self._inputs = {
-            name: device.zeros((num_envs, self._size(size, sizes), *more), dtype)
-            for name, (size, more, dtype) in self.inputs.items()
-        }
+        self._inputs, outputs = (
+            {
+                name: device.zeros((num_envs, self._size(size, sizes), *more), dtype)
+                for name, (size, more, dtype) in shapes.items()
+            }
+            for shapes in (self.inputs, self.outputs)
+        )
+        vars(self).update(outputs)
         self.models = device.zeros((num_envs,), "int64")
         self.queue = Queue(num_envs, device)
         self.flags = device.zeros((num_envs,), "int32")
@@ -125,9 +132,9 @@ class BatchSolver:
             return self._loaded[key][0]
         found = np.zeros(len(self._sizes), np.int32)
         function(self.kind, "counts")(_pointer(model), _pointer(found))
-        counts, last = dict(zip(self._sizes, found.tolist(), strict=True)), [*self._sizes][-1]
+        counts = dict(zip(self._sizes, found.tolist(), strict=True))
         fits = all(counts[name] <= most for name, most in self._sizes.items())
-        if not fits or counts[last] != self._sizes[last]:
+        if not fits or any(counts[name] != self._sizes[name] for name in self.exact):
             raise InvalidArgumentError("model", counts, f"within {self._sizes}")
         needed = np.zeros(2, np.int64)
         function(self.kind, "memory")(_pointer(model), _pointer(needed))
@@ -188,16 +195,17 @@ class BatchSolver:
         return next(iter(self._sizes.values()))
 
     def _written(self) -> Array:
-        """Returns the struct `Batch` as bytes: integers, then pointers."""
-        memory = self._kept.shape[1], self._slots, self._memory.shape[1]
-        sizes = np.array([self._number, *self._sizes.values(), *memory], np.int64)
-        arrays = [
-            self.models,
-            self._kept,
-            self._memory,
-            *(getattr(self, name) for name in self.fields if name not in self.last_fields),
+        """Returns the struct `Batch` as bytes: integers, then pointers, then `last`."""
+        address = self.device.address
+        fields = {name: getattr(self, name) for name in [*self.fields, *self.outputs]}
+        arrays = {name: address(array) for name, array in {**fields, **self._inputs}.items()}
+        numbers = [
+            self._number,
+            *(size for name, size in self._sizes.items() if name not in self.last),
+            *(self._kept.shape[1], self._slots, self._memory.shape[1]),
+            *map(address, (self.models, self._kept, self._memory)),
+            *(value for name, value in arrays.items() if name not in self.last),
+            *map(address, (*self.queue.arrays, self.flags)),
+            *({**arrays, **self._sizes}[name] for name in self.last),
         ]
-        arrays += [*self._inputs.values(), *self.queue.arrays, self.flags]
-        arrays += [getattr(self, name) for name in self.last_fields]
-        pointers = [self.device.address(array) for array in arrays]
-        return self.device.put(np.concatenate([sizes, np.array(pointers, np.int64)]))
+        return self.device.put(np.array(numbers, np.int64))

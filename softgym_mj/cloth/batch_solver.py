@@ -1,11 +1,12 @@
-"""`ClothBatchSolver`: steps many flexes with grippers over a floor together, without MuJoCo.
+"""`ClothBatchSolver`: steps many flexes with grippers and solids over a floor, without MuJoCo.
 
-Each step is bit-identical to that of the plugin in a model with one flex, spheres with prescribed
+Each step is bit-identical to that of the plugin in a model with one flex, geoms with prescribed
 motion, and a plane. The kernel runs on one CPU thread or on a block of a GPU.
 """
 
 import ctypes
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from softgym_mj.batch import solver
 from softgym_mj.batch.device import Device
 from softgym_mj.batch.solver import Array
+from softgym_mj.exceptions import InvalidArgumentError
 
 KEPT_PAIRS = 2  # The same number as in batch/environment.h.
 EDGES_OF_VERTEX = 3  # Largest ratio of edges to vertices of a surface.
@@ -21,24 +23,54 @@ EDGES_OF_VERTEX = 3  # Largest ratio of edges to vertices of a surface.
 NOT_FINITE, CANDIDATES_FULL, PAIRS_FULL, ROWS_FULL, COLORS_FULL = (1 << i for i in range(5))
 
 
-def describe(model: mujoco.MjModel, grippers: Sequence[int], room: float = 1.0) -> np.ndarray:
+class SolidMotion(NamedTuple):
+    """Motion of solids in a step, in the world frame.
+
+    A body moves as in the plugin: from velocities at the start of the step, with accelerations. All
+    solids of a body have its velocities.
+
+    Attributes:
+        poses: Positions [m] and quaternions (w, x, y, z) of the solids' geoms at the start of the
+            step (num_envs, solids, 7).
+        velocities: Velocities [m/s] of the centers of mass of their bodies, and angular velocities
+            [rad/s], at the start of the step (num_envs, solids, 6).
+        accelerations: Mean accelerations of both in the step (num_envs, solids, 6) [m/s^2],
+            [rad/s^2].
+        touching: Whether solids push the flex, or pass through it (num_envs, solids).
+    """
+
+    poses: Array
+    velocities: Array
+    accelerations: Array
+    touching: Array
+
+
+def describe(
+    model: mujoco.MjModel,
+    grippers: Sequence[int],
+    room: float = 1.0,
+    solids: Sequence[int] = (),
+) -> np.ndarray:
     """Converts a model for `ClothBatchSolver`; returns bytes (size,) uint8.
 
     Args:
         model: Model with one flex that the plugin moves, over a plane.
         grippers: Ids of geoms with prescribed motion: spheres of one radius.
         room: Room for contacts, relative to the number that piles need.
+        solids: Ids of further geoms that move as told: spheres, capsules, ellipsoids, cylinders and
+            boxes. Grippers and then solids are in the order of their ids, in which they push.
 
     Raises:
-        InvalidArgumentError: If the flex can touch anything else in the model.
+        InvalidArgumentError: If batches do not support something in the model.
     """
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data)  # Initializes the plugin's state.
-    return solver.describe("cloth", model, data, np.array(grippers), ctypes.c_double(room))
+    ids = np.array([*grippers, *(-1 - solid for solid in solids)])
+    return solver.describe("cloth", model, data, ids, ctypes.c_double(room))
 
 
 class ClothBatchSolver(solver.BatchSolver):
-    """Batch solver of a flex with grippers.
+    """Batch solver of a flex with grippers and solids.
 
     Attributes:
         qpos, qvel: Slides of vertices (num_envs, vertices, 3) [m], [m/s].
@@ -49,6 +81,8 @@ class ClothBatchSolver(solver.BatchSolver):
             placing vertices.
         reference, after_edge, after_layers: Plugin state that a step inherits from the last one.
         twist: Twist angle of a rope that twists (num_envs, 1) [rad].
+        solid_forces: Force of the flex on each solid, mean of the last step, and its torque about
+            the center of mass of the solid's body (num_envs, solids, 6) [N], [N m].
     """
 
     kind = "cloth"
@@ -64,12 +98,18 @@ class ClothBatchSolver(solver.BatchSolver):
         "gripper_qvel": ("grippers", 3),
         "twist": (1,),
     }
-    last_fields = ("twist",)
     inputs = {  # noqa: RUF012
         "targets": ("grippers", (3,), "float64"),
         "goals": ("grippers", (3,), "float64"),
         "held": ("grippers", (), "int32"),
+        "poses": ("solids", (7,), "float64"),
+        "velocities": ("solids", (6,), "float64"),
+        "accelerations": ("solids", (6,), "float64"),
+        "touching": ("solids", (), "int32"),
     }
+    outputs = {"solid_forces": ("solids", (6,), "float64")}  # noqa: RUF012
+    exact = ("grippers", "solids")
+    last = ("twist", *SolidMotion._fields, "solid_forces", "solids")
     valid: Array
     qpos: Array
     qvel: Array
@@ -80,8 +120,16 @@ class ClothBatchSolver(solver.BatchSolver):
     gripper_qpos: Array
     gripper_qvel: Array
     twist: Array
+    solid_forces: Array
 
-    def __init__(self, num_envs: int, vertices: int, grippers: int, device: Device | None = None):
+    def __init__(
+        self,
+        num_envs: int,
+        vertices: int,
+        grippers: int,
+        device: Device | None = None,
+        solids: int = 0,
+    ):
         """Allocates zeros, without models.
 
         Args:
@@ -89,8 +137,10 @@ class ClothBatchSolver(solver.BatchSolver):
             vertices: Vertices of the largest model.
             grippers: Grippers of each model.
             device: Device of the arrays; None means this processor.
+            solids: Solids of each model.
         """
-        sizes = {"vertices": vertices, "edges": EDGES_OF_VERTEX * vertices, "grippers": grippers}
+        edges = EDGES_OF_VERTEX * vertices
+        sizes = {"vertices": vertices, "edges": edges, "grippers": grippers, "solids": solids}
         super().__init__(num_envs, sizes, device)
 
     def get_state(self, i: int) -> dict[str, np.ndarray]:
@@ -101,12 +151,18 @@ class ClothBatchSolver(solver.BatchSolver):
         state["after_layers"] = kept[order].reshape(state["after_layers"].shape)
         return state
 
-    def step(self, targets: Array, held: Array, goals: Array) -> None:
+    def step(
+        self, targets: Array, held: Array, goals: Array, motion: SolidMotion | None = None
+    ) -> None:
         """Makes a step of all environments that have a model.
 
         Args:
             targets: Target positions of grippers (num_envs, grippers, 3) [m].
             held: Index of the vertex that each holds, or below 0 (num_envs, grippers).
             goals: Target positions of held vertices (num_envs, grippers, 3) [m].
+            motion: Motion of the solids, if there are any.
         """
-        self._step(targets=targets, goals=goals, held=held)
+        if motion is None and self._sizes["solids"]:
+            raise InvalidArgumentError("motion", None, "that of the solids")
+        solids = motion._asdict() if motion else {}
+        self._step(targets=targets, goals=goals, held=held, **solids)

@@ -50,6 +50,7 @@ class FluidBatchSolver(solver.BatchSolver):
         "walls": ("walls", 7),
     }
     inputs = {"poses": ("bodies", (7,), "float64")}  # noqa: RUF012
+    exact = ("bodies",)
     known: Array
     positions: Array
     velocities: Array

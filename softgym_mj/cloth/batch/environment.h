@@ -7,6 +7,7 @@
 #include "batch/memory.h"
 #include "cloth/batch/model.h"
 #include "cloth/plugin/kernels.h"
+#include "cloth/plugin/rigid.h"
 
 namespace softgym_mj::cloth {
 
@@ -28,11 +29,18 @@ struct Rows {
   int begin[kMostColors + 1], filled[kMostColors];
 };
 
-// Contact of one gripper.
+// A gripper, or a body of solids, during a step.
+struct Mover {
+  Rigid rigid;
+  double center[3];  // Center of mass at the start of the step [m].
+  Displacement so_far;
+  double acceleration[6];
+};
+
+// Contact of one gripper or solid.
 struct Touch {
   Geom geom;
-  Rigid rigid;
-  double center[3], shift[3];  // At the start of the step, and since then [m].
+  double offset[3], matrix[9];  // Pose relative to the center of mass at the start of the step.
   Rows points, triangles;
   SolidBlock *point_blocks, *triangle_blocks;
 };
@@ -57,6 +65,11 @@ struct Environment {
   // vertices (grippers, 3) [m].
   const double *targets, *goals;
   const int* held;
+  // Solids: poses (solids, 7), velocities of the centers of mass of their bodies (solids, 6), their accelerations, and
+  // whether they touch the flex.
+  const double *poses, *velocities, *accelerations;
+  const int* touching;
+  double* solid_forces;  // Output: mean force and torque on each solid in the step (solids, 6).
 
   // State: `valid` is 1 once the other arrays are valid (Kept). Grippers (grippers, 3) [m], [m/s].
   double *valid, *qpos, *qvel, *reference, *after_edge, *holding_force, *after_layers;
@@ -87,6 +100,7 @@ struct Environment {
   LayerBlock* layers;
   Key* best;
   Key* taken;
+  Mover* bodies;
   Touch* touch;
 };
 
@@ -118,7 +132,9 @@ inline void TakeKept(const Model& model, Memory* memory, Environment* w) {
 // Allocates scratch memory, which contains `Rows` themselves, too.
 inline void TakeMemory(const Model& model, Memory* memory, Environment* w) {
   const int n = model.vertices, p = 4 * model.padded, e = model.chain_edges;
-  memory->Take(&w->touch, model.grippers);
+  const int touches = model.grippers + model.solids;
+  memory->Take(&w->bodies, model.bodies);
+  memory->Take(&w->touch, touches);
   float* air = nullptr;
   float** const of_points[] = {&w->points.now,
                                &w->points.before,
@@ -182,8 +198,8 @@ inline void TakeMemory(const Model& model, Memory* memory, Environment* w) {
   memory->Take(&w->best, model.padded);
   memory->Take(&w->taken, kMostColors / 64 * model.padded);
   TakeRows(memory, model.rows, 4, kMostColors, w->step ? &w->step->layers : nullptr);
-  for (int g = 0; g < model.grippers; ++g) {
-    Touch* touch = w->touch ? w->touch + g : nullptr;
+  for (int t = 0; t < touches; ++t) {
+    Touch* touch = w->touch ? w->touch + t : nullptr;
     const int elements = model.is_surface ? model.triangles : model.edges;
     TakeRows(memory, n, 3, kMeshColors, touch ? &touch->points : nullptr);
     TakeRows(memory, elements, 3, kMeshColors, touch ? &touch->triangles : nullptr);

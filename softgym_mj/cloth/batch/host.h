@@ -20,7 +20,11 @@ struct Batch {
   const int* order;  // (num_envs,) Their order.
   long long* cost;   // (num_envs,) GPU cycles of the last step.
   int* flags;        // (num_envs,) Bits of `Flag`, which accumulate.
-  double* twist;     // Last, so that builds without twist read the rest.
+  double* twist;     // From here on last, so that builds without these read the rest.
+  const double *poses, *velocities, *accelerations;
+  const int* touching;
+  double* solid_forces;
+  long long num_solids;
 };
 
 // Steps environment `i` in a slot; `turns`: order of iterations (group.h).

@@ -74,7 +74,35 @@ void Invert(const std::vector<int>& corners, int of_item, int vertices, std::vec
   }
 }
 
-std::string Write(const mjModel* m, const Workspace& w, const std::vector<int>& grippers, double room,
+// Fills the solids with geom ids `geoms`, of which the first ones are grippers, and the first solid of each body.
+std::string FillSolids(const mjModel* m, const Mesh& mesh, const std::vector<int>& geoms, int grippers,
+                       std::vector<Solid>* solids, std::vector<int>* first) {
+  std::vector<int> bodies;
+  for (size_t i = 0; i < geoms.size(); ++i) {
+    const int g = geoms[i], own = m->geom_bodyid[g];
+    const bool grips = static_cast<int>(i) < grippers;
+    if (grips && (m->geom_type[g] != mjGEOM_SPHERE || !MayTouch(m, g, mesh, 0))) return "expected spheres as grippers.";
+    Solid solid = {ShapeOf(m->geom_type[g]), {}, static_cast<float>(Friction(m, g, mesh.flexes[0])), 0,
+                   m->geom_rbound[g],        {}};
+    if (solid.shape == Shape::kPlane) return "expected spheres, capsules, ellipsoids, cylinders or boxes as solids.";
+    if (i > 0 && g <= geoms[i - 1]) return "expected grippers and then solids in the order of their ids.";
+    CopySize(m, g, solid.size);
+    mjtNum arm[3], back[4];
+    mju_sub3(arm, m->body_ipos + 3 * own, m->geom_pos + 3 * g);
+    mju_negQuat(back, m->geom_quat + 4 * g);
+    if (!grips) mju_rotVecQuat(solid.center, arm, back);
+    const auto found = std::find(bodies.begin(), bodies.end(), own);
+    solid.body = static_cast<int>(found - bodies.begin());
+    if (found == bodies.end()) {
+      bodies.push_back(own);
+      first->push_back(static_cast<int>(i));
+    }
+    solids->push_back(solid);
+  }
+  return "";
+}
+
+std::string Write(const mjModel* m, const Workspace& w, const std::vector<int>& geoms, int grippers, double room,
                   std::string* out) {
   const Mesh& mesh = w.mesh;
   const int count = mesh.NumVertices();
@@ -96,8 +124,8 @@ std::string Write(const mjModel* m, const Workspace& w, const std::vector<int>& 
   mju_copy3(model.gravity, m->opt.gravity);
   model.contact = w.solver.contact();
   model.plane_row = w.solver.plane_row();
-  model.gripper_row = w.solver.contact();
-  model.gripper_row.most = MostPush(w.solver.substep());
+  model.solid_row = w.solver.contact();
+  model.solid_row.most = MostPush(w.solver.substep());
   model.thickness = mesh.thickness[0];
   model.has_slim = mesh.has_slim;
   model.friction = mesh.friction[0];
@@ -110,12 +138,13 @@ std::string Write(const mjModel* m, const Workspace& w, const std::vector<int>& 
   mju_copy3(model.plane_point, w.planes[0].point);
   mju_copy3(model.plane_normal, w.planes[0].normal);
   model.plane_friction = w.planes[0].friction[0];
-  model.grippers = static_cast<int>(grippers.size());
-  for (int g : grippers) {
-    if (m->geom_type[g] != mjGEOM_SPHERE || !MayTouch(m, g, mesh, 0)) return "expected spheres as grippers.";
-    model.gripper_friction = static_cast<float>(Friction(m, g, mesh.flexes[0]));
-    model.gripper_radius = static_cast<float>(m->geom_size[3 * g]);
-  }
+  std::vector<Solid> solids;
+  std::vector<int> first_solids;
+  const std::string wrong = FillSolids(m, mesh, geoms, grippers, &solids, &first_solids);
+  if (!wrong.empty()) return wrong;
+  model.grippers = grippers;
+  model.solids = static_cast<int>(geoms.size()) - grippers;
+  model.bodies = static_cast<int>(first_solids.size());
 
   out->assign(sizeof(Model), 0);
   Writer write(out);
@@ -203,6 +232,8 @@ std::string Write(const mjModel* m, const Workspace& w, const std::vector<int>& 
   model.chain_gamma_at = write(gamma);
   model.chain_keep_at = write(keep);
 
+  model.solids_at = write(solids);
+  model.first_solids_at = write(first_solids);
   model.vertex_order_at = write(layers.vertex_order());
   model.triangle_order_at = write(layers.triangle_order());
   model.edge_order_by_place_at = write(layers.edge_order());
@@ -218,16 +249,19 @@ std::string Write(const mjModel* m, const Workspace& w, const std::vector<int>& 
 }  // namespace
 }  // namespace softgym_mj::cloth
 
-// Writes the Model of a compiled mjModel, up to `capacity` bytes; mjData must have made a step. `grippers` are geom
-// ids, `room` scales the room for contacts. Returns the size in bytes, or 0 after writing a message to `error`.
-SGM_EXPORT int softgym_mj_cloth_batch_model(const mjModel* m, const mjData* d, const int* grippers, int num_grippers,
-                                            double room, char* out, int capacity, char* error, int error_size) {
+// Writes the Model of a compiled mjModel, up to `capacity` bytes; mjData must have made a step. `ids`: geom ids of
+// grippers, then -1 - id of solids. `room` scales the room for contacts. Returns the size in bytes, or 0 after writing
+// a message to `error`.
+SGM_EXPORT int softgym_mj_cloth_batch_model(const mjModel* m, const mjData* d, const int* ids, int num_ids, double room,
+                                            char* out, int capacity, char* error, int error_size) {
   using namespace softgym_mj::cloth;
   int instance;
   const Workspace* w = FindWorkspace(m, d, &instance);
   std::string bytes;
-  const std::string wrong = w ? Write(m, *w, std::vector<int>(grippers, grippers + num_grippers), room, &bytes)
-                              : "no flex carries the plugin.";
+  std::vector<int> geoms(ids, ids + num_ids);
+  int grippers = 0;
+  for (int& id : geoms) id >= 0 ? ++grippers : id = -1 - id;
+  const std::string wrong = w ? Write(m, *w, geoms, grippers, room, &bytes) : "no flex carries the plugin.";
   std::snprintf(error, error_size, "%s", wrong.c_str());
   if (!wrong.empty()) return 0;
   std::memcpy(out, bytes.data(), std::min<size_t>(bytes.size(), capacity));

@@ -1,5 +1,5 @@
-// Model of a batch: the constants of one flex, its grippers and the floor, as bytes without pointers, which a GPU can
-// read, too.
+// Model of a batch: the constants of one flex, of grippers, solids and the floor, as bytes without pointers, which a
+// GPU can read, too.
 
 #ifndef SOFTGYM_MJ_CLOTH_BATCH_MODEL_H_
 #define SOFTGYM_MJ_CLOTH_BATCH_MODEL_H_
@@ -8,6 +8,16 @@
 
 namespace softgym_mj::cloth {
 
+// A geom that pushes the flex.
+struct Solid {
+  Shape shape;
+  float size[3];  // As in mjModel [m].
+  float friction;
+  int body;          // Index of its body.
+  double bound;      // Bounding radius [m].
+  double center[3];  // Center of mass of its body, in its own frame [m].
+};
+
 // Arrays follow this struct, at offsets `*_at` [bytes] from its start, aligned to 32 bytes.
 struct Model {
   int size;                                // Total size [bytes].
@@ -15,19 +25,19 @@ struct Model {
   int vertices, padded, triangles, edges;  // `padded`: number of vertices in Points.
   int edge_blocks, edge_colors, hinge_blocks, hinge_colors, chains, chain_edges;
   int bend_interval, substeps, takes_air;
-  int has_slim;  // As in Mesh.
-  int grippers;
-  int candidates, found, rows;  // Room for candidates of each kind, for pairs that may touch, and for rows.
-  double timestep, h;           // [s]
-  double gravity[3];            // [m/s^2]
-  ContactRow contact, plane_row, gripper_row;
+  int has_slim;                  // As in Mesh.
+  int grippers, solids, bodies;  // `bodies`: one for each gripper, then those of solids.
+  int candidates, found, rows;   // Room for candidates of each kind, for pairs that may touch, and for rows.
+  double timestep, h;            // [s]
+  double gravity[3];             // [m/s^2]
+  ContactRow contact, plane_row, solid_row;
   float thickness, friction;  // Layers: largest thickness [m], friction coefficient.
   double radius, density;     // [m], [kg/m^2]
   double drag, added_mass;    // As in Material.
   double twist;               // Moment per twist angle [N m], of the only chain; 0 disables twist.
   int twist_ring, twist_clamped;
   double plane_point[3], plane_normal[3];
-  float plane_friction, gripper_friction, gripper_radius;
+  float plane_friction;
 
   // (vertices, 3) [m] where slides are 0; (vertices,) 1 / their masses [1/kg], and their masses [kg].
   int origin_at, inverse_mass_at, mass_at;
@@ -48,6 +58,7 @@ struct Model {
   // Vertices, triangles and edges in spatial order at rest; -1 fills the last eight.
   int vertex_order_at, triangle_order_at, edge_order_by_place_at;
   int vertex_leaves, triangle_leaves, edge_leaves;
+  int solids_at, first_solids_at;  // (grippers + solids,) `Solid`; (bodies,) the first one of each body.
 
   template <class T>
   const T* At(int place) const {

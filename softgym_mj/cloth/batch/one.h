@@ -29,6 +29,12 @@ inline void StepEnvironmentOf(const Batch& batch, int i, int slot, float* quick 
     w.gripper_qpos = batch.gripper_qpos + 3 * grippers;
     w.gripper_qvel = batch.gripper_qvel + 3 * grippers;
     w.twist = batch.twist + i;
+    const long long solids = batch.num_solids * i;
+    w.poses = batch.poses + 7 * solids;
+    w.velocities = batch.velocities + 6 * solids;
+    w.accelerations = batch.accelerations + 6 * solids;
+    w.touching = batch.touching + solids;
+    w.solid_forces = batch.solid_forces + 6 * solids;
     Memory kept(batch.kept + batch.kept_size * i), memory(batch.memory + batch.memory_size * slot);
     TakeKept(*w.model, &kept, &w);
     TakeMemory(*w.model, &memory, &w);

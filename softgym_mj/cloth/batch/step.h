@@ -192,14 +192,14 @@ inline void Substep(const Environment& w, int substep, int search_interval) {
   Bend(w, substep);
   EachBlock(0, 4 * m.padded / kLanes, [&](int i) { Move(w.points, kLanes * i); });
   const int left = m.substeps - substep, to_search = search_interval < left ? search_interval : left;
-  for (int g = 0; g < m.grippers; ++g) FindTouch(w, w.touch + g, substep % search_interval == 0 ? to_search : 0);
+  FindTouches(w, substep % search_interval == 0 ? to_search : 0);
   SweepSprings(w);
   if (m.takes_air) EachBlock(0, blocks, [&](int b) { MoveAir(w.points, kBlock * b); });
   TwoWayPass(w, [&] {
     EachColor(w.step->layers, [&](int b) { SweepLayers(w.points, m.contact, w.layers + b, {true, true}); });
   });
   if (substep + 1 == m.substeps) Each(4 * m.padded, [&](int i) { w.with_layers[i] = w.points.now[i]; });
-  for (int g = 0; g < m.grippers; ++g) SweepTouch(w, w.touch + g);
+  SweepTouches(w);
   TwoWayPass(w, [&] {
     const Plane plane = {{static_cast<float>(m.plane_normal[0]), static_cast<float>(m.plane_normal[1]),
                           static_cast<float>(m.plane_normal[2])},
@@ -212,7 +212,7 @@ inline void Substep(const Environment& w, int substep, int search_interval) {
       if (w.plane_near[b]) SweepPlane(w.points, m.plane_row, plane, kBlock * b, {true, true});
     });
   });
-  Each(3 * m.grippers, [&](int i) { w.touch[i / 3].shift[i % 3] += w.touch[i / 3].rigid.move[i % 3]; });
+  FinishBodies(w);
   AddHoldingForces(w, 1 / (m.h * m.h * m.substeps));
 }
 
@@ -223,7 +223,7 @@ inline void StepEnvironment(const Environment& w) {
   FindPairs(w);
   MakeLayerRows(w);
   StartPoints(w);
-  for (int g = 0; g < m.grippers; ++g) StartTouch(w, g);
+  StartTouches(w);
   StartSprings(w);
   StartTwist(w);
   StartPlane(w);
@@ -231,6 +231,7 @@ inline void StepEnvironment(const Environment& w) {
   Each(3 * w.step->num_driven, [&](int i) { w.given[i] = 0; });
   const int search_interval = SearchInterval(w.step->fastest, m.substeps);
   for (int substep = 0; substep < m.substeps; ++substep) Substep(w, substep, search_interval);
+  SumForces(w);
   SolveChains(w, true);
   EndChains(w);
   KeepLayers(w);

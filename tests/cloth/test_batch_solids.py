@@ -1,0 +1,107 @@
+"""Solids of `ClothBatchSolver`, whose oracle is the plugin: the same bits."""
+
+import numpy as np
+import pytest
+
+from softgym_mj.batch.device import CpuDevice
+from softgym_mj.cloth.batch_solver import describe
+from softgym_mj.exceptions import InvalidArgumentError
+from tests.cloth.flex_scene import WOVEN, rope, sheet, straight
+from tests.cloth.pushed import Pushed, body
+
+# Shapes, one as large as the other.
+SHAPES = {
+    "box": 'type="box" size=".05 .02 .03" friction=".6" priority="1"',
+    "capsule": 'type="capsule" size=".02 .05"',
+    "cylinder": 'type="cylinder" size=".03 .02"',
+    "ellipsoid": 'type="ellipsoid" size=".05 .03 .02"',
+    "sphere": 'type="sphere" size=".03"',
+}
+FLEXES = {
+    "cloth": sheet(9, 11, fabric=WOVEN, center=(0.0, 0.0, 0.1)),
+    "rope": rope(straight(31, 0.0125, (-0.19, 0.0, 0.12))),
+}
+TURN = np.array([0.9, 0.1, 0.3, 0.2]) / np.sqrt(0.95)
+HEAVY = 2000.0  # [kg] Flexes do not move bodies of more than 1 t.
+NONE = np.zeros((1, 0, 3)), np.zeros((1, 0)), np.zeros((1, 0, 3))
+
+
+def scene(flex: str, shape: str) -> Pushed:
+    """Two bodies below a flex: one with a solid, and one with a solid beside its center of mass."""
+    bodies = (
+        body("a", (-0.05, 0.01, 0.06), HEAVY, f'name="a" {SHAPES[shape]}', turn=TURN),
+        body("b", (0.08, 0.0, 0.05), HEAVY, f'name="b" {SHAPES[shape]}'),
+    )
+    return Pushed(FLEXES[flex], *bodies, solids="ab")
+
+
+def pushes(number: int):
+    """Velocities (6,) by body: into each other, up and down, turning."""
+    for i in range(number):
+        yield {
+            "a": (0.3, 0.05, 0.1 * np.cos(i / 9), 0.5, 0.3, 1.5),
+            "b": (-0.2, 0.1, -0.1, 0, 0, -2),
+        }
+
+
+@pytest.mark.parametrize("flex", FLEXES)
+@pytest.mark.parametrize("shape", SHAPES)
+def test_solids_push_as_in_the_plugin(flex, shape):
+    pushed = scene(flex, shape)
+    solver, forces, moments = pushed.solver(), np.zeros((2, 3)), np.zeros((2, 3))
+    for velocities in pushes(50):
+        solver.step(*NONE, pushed.push(velocities))
+        pushed.check(solver)
+        own = pushed.forces()
+        np.testing.assert_allclose(solver.solid_forces[0, :, :3], own, rtol=0.0, atol=1e-12)
+        forces, moments = forces + abs(own), moments + abs(solver.solid_forces[0, :, 3:])
+    assert forces.min() > 0.0
+    assert moments.min() > 0.0
+    assert solver.flags[0] == 0
+
+
+def test_a_solid_beside_the_center_of_mass_pushes_as_in_the_plugin():
+    geoms = (
+        f'name="a" {SHAPES["box"]} pos=".03 0 0"',
+        f'name="b" {SHAPES["sphere"]} pos="-.06 .01 .02"',
+    )
+    pushed = Pushed(FLEXES["cloth"], body("a", (0, 0, 0.05), HEAVY, *geoms, turn=TURN), solids="ab")
+    solver = pushed.solver()
+    for velocities in pushes(25):
+        solver.step(*NONE, pushed.push({"a": velocities["a"]}))
+    moved = pushed.data.qpos[: solver.qpos.size]
+    assert abs(moved).max() > 0.02
+    # The plugin reads centers of mass, of which the batch computes the last digit otherwise.
+    np.testing.assert_allclose(solver.qpos.ravel(), moved, rtol=0.0, atol=1e-6)
+
+
+def test_solids_that_do_not_touch_pass_through():
+    pushed = scene("cloth", "box")
+    solver = pushed.solver()
+    for i, velocities in enumerate(pushes(40)):
+        touching = i < 25, i > 15
+        pushed.model.geom_contype[pushed.solids] = pushed.model.geom_conaffinity[pushed.solids] = (
+            touching
+        )
+        solver.step(*NONE, pushed.push(velocities))
+        pushed.check(solver)
+
+
+@pytest.mark.parametrize("turns", [1, 2, 5])
+def test_no_bit_depends_on_the_order_of_what_is_done_at_once(turns):
+    pushed = scene("cloth", "capsule")
+    solver = pushed.solver(CpuDevice(turns=turns))
+    for velocities in pushes(25):
+        solver.step(*NONE, pushed.push(velocities))
+        pushed.check(solver)
+
+
+def test_solids_that_do_not_fit_are_refused():
+    pushed = scene("cloth", "box")
+    for solids, message in ((pushed.solids[::-1], "in the order"), ([0], "expected spheres, ")):
+        with pytest.raises(InvalidArgumentError, match=message):
+            describe(pushed.model, [], solids=solids)
+    with pytest.raises(InvalidArgumentError, match="motion"):
+        pushed.solver().step(*NONE)
+    with pytest.raises(InvalidArgumentError, match="'solids': 1"):
+        pushed.solver().load(describe(pushed.model, [], solids=pushed.solids[:1]))
