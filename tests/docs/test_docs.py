@@ -29,6 +29,7 @@ ARGUMENTS = (ROOT / "docs" / "arguments.md").read_text()
 CUSTOM_TASKS = (ROOT / "docs" / "custom_tasks.md").read_text()
 ROBOTS = (ROOT / "docs" / "robots.md").read_text()
 REALITY = (ROOT / "docs" / "reality.md").read_text()
+EVALUATION = (ROOT / "docs" / "evaluation.md").read_text()
 CLOTH = (ROOT / "softgym_mj" / "cloth" / "plugin" / "README.md").read_text()
 
 
@@ -49,6 +50,7 @@ def blocks(language, text=README):
             CUSTOM_TASKS,
             ROBOTS,
             REALITY,
+            EVALUATION,
         )
         for code in blocks("python", page)
     ],
