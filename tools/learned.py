@@ -95,8 +95,9 @@ def overview() -> str:
     found = matrix()
     return found and found + (
         "\n\nNormalized performance on held-out variations: last checkpoint, median (quartiles) "
-        "over five seeds. *No action*: mean over the same 200 variations. CEM plans with the true "
-        "dynamics and learns nothing (ten episodes). \u2020: measured before the task's initial "
+        "over five seeds ([terms](docs/glossary.md)). *No action*: mean over the same 200 "
+        "variations. CEM plans with the true dynamics and learns nothing (ten episodes). Tasks and "
+        "cells without a number: no published run. \u2020: measured before the task's initial "
         "states changed. [All methods, observations, budgets, curves and "
         "policies](docs/results.md)."
     )
