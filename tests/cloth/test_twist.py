@@ -8,7 +8,7 @@ import pytest
 
 from tests.cloth.flex_scene import Flex, FlexScene, rope, straight
 from tests.cloth.twisted import BEND, TWIST, angle_of, wavy
-from tests.oracles.rods import reference_twist, transported, unit, writhe
+from tests.oracles.rods import greenhill, reference_twist, transported, unit, writhe
 
 STILL = (0.0, 0.0, 0.0)  # [m/s^2] Gravity.
 RADIUS, COUNT = 0.1, 40  # [m], vertices of the ring.
@@ -121,26 +121,6 @@ def test_a_ring_buckles_at_the_twist_of_michell(ratio):
         early, late = deviation(scene, share * critical, 300)
         assert (late > 3.0 * early) == grows
         assert late < 2.0 * early or grows
-
-
-def greenhill(tension: float) -> float:
-    """Critical moment, times length over bending stiffness, of a rod clamped at both ends.
-
-    The smallest m with a solution of w'''' - i m w'' - t w'' = 0, w = w' = 0 at both ends (Love,
-    1927), where t is the tension times squared length over bending stiffness.
-    """
-
-    def determinant(m: float) -> float:
-        """The determinant of the conditions, times a factor that makes it real."""
-        root = np.sqrt(complex(4.0 * tension - m * m))
-        a, b = (1j * m + root) / 2.0, (1j * m - root) / 2.0
-        rows = [[1, 0, 1, 1], [0, 1, a, b], [1, 1, np.exp(a), np.exp(b)],
-                [0, 1, a * np.exp(a), b * np.exp(b)]]  # fmt: skip
-        return float((np.linalg.det(np.array(rows)) / (a - b) * np.exp(-(a + b) / 2.0)).real)
-
-    moments = 2.0 * math.sqrt(tension) + np.arange(0.01, 20.0, 0.01)
-    signs = np.sign([determinant(m) for m in moments])
-    return float(moments[1:][np.diff(signs) != 0.0][0])
 
 
 def test_the_critical_moment_without_tension_is_known():

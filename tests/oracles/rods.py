@@ -1,4 +1,4 @@
-"""Twist of a discrete rod with explicit frames (Bergou et al., 2008), and writhe."""
+"""Twist of a rod with explicit frames (Bergou et al., 2008), writhe, Greenhill's moment."""
 
 import itertools
 import math
@@ -58,3 +58,23 @@ def writhe(points: np.ndarray) -> float:
             area = sum(math.asin(np.clip(n[k] @ n[(k + 1) % 4], -1, 1)) for k in range(4))
             total += area * np.sign(np.cross(r34, r12) @ r13)
     return total / (2.0 * math.pi)
+
+
+def greenhill(tension: float) -> float:
+    """Critical moment, times length over bending stiffness, of a rod clamped at both ends.
+
+    The smallest m with a solution of w'''' - i m w'' - t w'' = 0, w = w' = 0 at both ends (Love,
+    1927), where t is the tension times squared length over bending stiffness.
+    """
+
+    def determinant(m: float) -> float:
+        """The determinant of the conditions, times a factor that makes it real."""
+        root = np.sqrt(complex(4.0 * tension - m * m))
+        a, b = (1j * m + root) / 2.0, (1j * m - root) / 2.0
+        rows = [[1, 0, 1, 1], [0, 1, a, b], [1, 1, np.exp(a), np.exp(b)],
+                [0, 1, a * np.exp(a), b * np.exp(b)]]  # fmt: skip
+        return float((np.linalg.det(np.array(rows)) / (a - b) * np.exp(-(a + b) / 2.0)).real)
+
+    moments = 2.0 * math.sqrt(tension) + np.arange(0.01, 20.0, 0.01)
+    signs = np.sign([determinant(m) for m in moments])
+    return float(moments[1:][np.diff(signs) != 0.0][0])
