@@ -29,7 +29,8 @@ class Properties:
         air_damping: Force of the air per length and speed [N s/m^2].
         radius: Half the thickness [m].
         length: Rest length between markers, relative to the measured one.
-        twist: Moment per twist [N m^2]; 0 means that the cable does not resist twist.
+        twist: Moment per twist [N m^2]; 0 means that the cable does not resist twist. Above 0 the
+            frames of both ends are held, even if their vertices are not.
         friction: Friction coefficient of the cable on itself and on others.
     """
 
@@ -54,15 +55,25 @@ class Cable(Flex):
 
     parameters: tuple[Parameter, ...] = ()
 
-    def _build(self, spacing: np.ndarray, properties: Properties, name: str = "cable"):
+    def _build(
+        self,
+        spacing: np.ndarray,
+        properties: Properties,
+        name: str = "cable",
+        timestep: float = solver.TIMESTEP,
+        substeps: int = SUBSTEPS,
+    ):
         """Builds the cable.
 
         Args:
             spacing: Rest lengths (n - 1,) [m] between neighbors among n vertices.
             properties: Properties.
             name: Model name.
+            timestep: Physics step [s].
+            substeps: Substeps of a step.
         """
         self._start_model(name)
+        self.mjcf_model.option.timestep = self.timestep = timestep
         points = np.zeros((len(spacing) + 1, 3))
         points[1:, 0] = np.cumsum(spacing)
         indices = np.arange(len(points))
@@ -72,7 +83,7 @@ class Cable(Flex):
         flexcomp.contact.friction = [properties.friction]
         self._properties = properties
         self._set_parameters()
-        self._instance.add("config", key="substeps", value=str(SUBSTEPS))
+        self._instance.add("config", key="substeps", value=str(substeps))
 
     def _set_parameters(self):
         self._set_material(
@@ -81,6 +92,7 @@ class Cable(Flex):
             stretch_damping=self._properties.stretch_damping,
             bend_damping=self._properties.bend_damping,
             twist=self._properties.twist,
+            twist_clamped=int(self._properties.twist > 0.0),
             friction=self._properties.friction,
         )
 
