@@ -2,7 +2,7 @@
 
 That is docs/cameras.json, docs/experts.json, docs/throughput.json, docs/vector.json, those of
 tools/gpu_tables.py, docs/lab.csv, docs/rope_recordings.json, docs/cloth_recordings.json,
-docs/water_recordings.json, and docs/results.
+docs/water_recordings.json, docs/rods.json, and docs/results.
 """
 
 import json
@@ -25,6 +25,7 @@ from tools import (
     learned,
     presets,
     reality_table,
+    rod_tables,
     rope_tables,
     water_tables,
 )
@@ -231,9 +232,9 @@ def pages() -> dict[pathlib.Path, str]:
     texts[PICTURES] = between(texts[PICTURES], "gallery", stills())
     for name, of in gpu_tables.TABLES.items():
         texts[GPU] = between(texts[GPU], name, of())
-    reality = lab_tables.TABLES | rope_tables.TABLES | cloth_tables.TABLES | water_tables.TABLES
-    for name, of in reality.items():
-        texts[REALITY] = between(texts[REALITY], name, of())
+    for module in (lab_tables, rope_tables, rod_tables, cloth_tables, water_tables):
+        for name, of in module.TABLES.items():
+            texts[REALITY] = between(texts[REALITY], name, of())
     texts[PHYSICS] = between(texts[PHYSICS], "lab", lab_tables.kept())
     texts[LEARNING] = between(texts[LEARNING], "presets", presets.presets())
     texts[DOMAIN] = with_table(texts[DOMAIN], parameters())
