@@ -1,0 +1,1 @@
+"""Arms of a batch of environments, computed by JAX: the only folder that imports JAX."""

@@ -1,0 +1,157 @@
+"""Soft constraints of an arm: the coupling of its two fingers and the limits of its joints.
+
+The formulas are those of MuJoCo's integrator "discrete": a row with the reference acceleration a_r
+pulls with the force D (a_r - J a), implicit in the acceleration a. Limits only push.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+
+LEAST, MOST = mujoco.mjMINIMP, mujoco.mjMAXIMP  # Limits of an impedance.
+
+
+class Rows(NamedTuple):
+    """Constraints of m joints: the coupling, then the limit of each joint: n = m + 1 rows.
+
+    Attributes:
+        low, high: limits of joints (m,) [rad or m].
+        coupling: derivative of the coupling by the joints (m,).
+        zero: joint positions (m,) at which the coupling holds [rad or m].
+        inverse: inverse inertia of each row at the model's reference (n,) [1/kg or 1/(kg m^2)].
+        time, ratio: time constant [s] and damping ratio of each row (n,).
+        impedance: five parameters of the impedance of each row (n, 5).
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+    coupling: np.ndarray
+    zero: np.ndarray
+    inverse: np.ndarray
+    time: np.ndarray
+    ratio: np.ndarray
+    impedance: np.ndarray
+
+
+class Active(NamedTuple):
+    """Rows in a state.
+
+    Attributes:
+        jacobian: rows (n, m).
+        reference: reference accelerations (n,) [rad/s^2 or m/s^2].
+        stiffness: force for each unit of acceleration (n,) [kg m^2 or kg]; 0 for limits that are
+            not reached.
+    """
+
+    jacobian: jax.Array
+    reference: jax.Array
+    stiffness: jax.Array
+
+
+def rows_of(model: mujoco.MjModel) -> Rows:
+    """Returns the constraints of a model whose fingers move by the same distance."""
+    assert model.neq == 1 and model.eq_type[0] == mujoco.mjtEq.mjEQ_JOINT
+    assert model.jnt_limited.all() and not model.jnt_margin.any()
+    first, second = model.eq_obj1id[0], model.eq_obj2id[0]
+    assert np.array_equal(model.eq_data[0, :5], [0.0, 1.0, 0.0, 0.0, 0.0])
+    low, high = model.jnt_range.T
+    coupling = np.zeros(model.njnt)
+    coupling[first], coupling[second] = 1.0, -1.0
+    inverse = model.dof_invweight0
+    solref = np.vstack([model.eq_solref[:1], model.jnt_solref])
+    assert np.all(solref > 0.0), "time constant and damping ratio"
+    return Rows(
+        low=low.copy(),
+        high=high.copy(),
+        coupling=coupling,
+        zero=model.qpos0.copy(),
+        inverse=np.append(inverse[first] + inverse[second], inverse),
+        time=solref[:, 0],
+        ratio=solref[:, 1],
+        impedance=np.vstack([model.eq_solimp[:1], model.jnt_solimp]),
+    )
+
+
+def evaluate(
+    rows: Rows,
+    step: float,
+    angles: jax.Array,
+    speeds: jax.Array,
+    inertia: jax.Array,
+    metric: jax.Array,
+) -> Active:
+    """Returns the rows in a state.
+
+    Args:
+        rows: constraints.
+        step: physics step [s].
+        angles, speeds: positions (m,) and speeds (m,) of the joints.
+        inertia, metric: diagonals (m,) of the mass matrix and of the matrix that is implicit in
+            servos.
+    """
+    above, below = angles - rows.low, rows.high - angles
+    side = jnp.where(above < below, 1.0, -1.0)
+    jacobian = jnp.vstack([rows.coupling, jnp.diag(side)])
+    coupled = (rows.coupling * (angles - rows.zero)).sum()
+    position = jnp.append(coupled, jnp.minimum(above, below))
+    speed = (jacobian * speeds).sum(-1)
+    is_limit = np.arange(len(rows.time)) > 0
+
+    impedance = _impedance(rows.impedance, jnp.abs(position))
+    widest = np.clip(rows.impedance[:, 1], LEAST, MOST)
+    spring = 1.0 / (widest * rows.time * rows.ratio) ** 2
+    damper = 2.0 / (widest * rows.time)
+    # A limit that is too stiff for the step gets the stiffest row without restitution.
+    excess = step**2 * spring * impedance
+    most = MOST * (1.0 - impedance) / (impedance * (1.0 - MOST))
+    slow = jnp.minimum(damper / jnp.sqrt(excess), jnp.maximum(0.0, most - 2.0) / step)
+    stiff = is_limit & (excess > 1.0)
+    spring = jnp.where(stiff, 1.0 / (step**2 * impedance), spring)
+    damper = jnp.where(stiff, slow, damper)
+
+    factor = 1.0 + step * damper + step**2 * spring * impedance
+    softness = jnp.maximum(
+        (1.0 - impedance) * rows.inverse / impedance / factor, (1.0 - MOST) * rows.inverse / MOST
+    )
+    squares = jacobian**2
+    softness *= (squares / metric).sum(-1) / (squares / inertia).sum(-1)
+    pull = spring * impedance * position + (damper + step * spring * impedance) * speed
+    reached = ~is_limit | (position < 0.0)
+    return Active(jacobian, -pull / factor, jnp.where(reached, 1.0 / softness, 0.0))
+
+
+def _impedance(parameters: np.ndarray, distance: jax.Array) -> jax.Array:
+    """Returns the impedance of rows with parameters (n, 5) at distances (n,)."""
+    low, high = np.clip(parameters[:, :2], LEAST, MOST).T
+    width, middle, power = (
+        parameters[:, 2],
+        np.clip(parameters[:, 3], LEAST, MOST),
+        parameters[:, 4],
+    )
+    power = np.maximum(power, 1.0)
+    x = jnp.clip(distance / np.maximum(width, mujoco.mjMINVAL), 0.0, 1.0)
+    rising = x**power / middle ** (power - 1.0)
+    falling = 1.0 - (1.0 - x) ** power / (1.0 - middle) ** (power - 1.0)
+    return low + jnp.where(x <= middle, rising, falling) * (high - low)
+
+
+def pushes(rows: Active, acceleration: jax.Array) -> jax.Array:
+    """Returns which rows act (n,) bool at an acceleration of the joints (m,)."""
+    missing = rows.reference - (rows.jacobian * acceleration).sum(-1)
+    is_coupling = np.arange(len(rows.reference)) == 0
+    return is_coupling | (missing > 0.0)
+
+
+def stiffness(rows: Active, acting: jax.Array) -> jax.Array:
+    """Returns what acting rows add to the matrix (m, m) of the accelerations' equations."""
+    weighted = jnp.where(acting, rows.stiffness, 0.0)[:, None] * rows.jacobian
+    return (weighted[:, :, None] * rows.jacobian[:, None]).sum(0)
+
+
+def force(rows: Active, acting: jax.Array) -> jax.Array:
+    """Returns what acting rows add to the right side (m,) of the accelerations' equations."""
+    pull = jnp.where(acting, rows.stiffness * rows.reference, 0.0)
+    return (pull[:, None] * rows.jacobian).sum(0)
