@@ -4,8 +4,8 @@ A clamped end has a second held vertex just beyond it, which holds the direction
 Bending at the end vertex then acts on half an element, so that the rod is clamped at its end and
 not in the middle of an element. Rods that are clamped at both ends twist.
 
-A sliding end is held, too, and moved by its own equation of motion. Tied to a body on a slide it
-would not be clamped: rows of the solver treat tied vertices as free to move in all directions.
+A sliding end is held, too, and moved by its own equation of motion: vertices so close to each other
+that are tied to a body on a slide hold a direction too softly (cloth/plugin/README.md, loads).
 """
 
 import dataclasses
