@@ -16,10 +16,10 @@ INTRODUCTION = """# What the tasks share
 
 The [data sheets](tasks/fold_cloth.md) list what differs between tasks. Their sizes are those of
 `fidelity="default"` and two grippers; [arguments](arguments.md) change them. The physics step is
-0.01 s, positions are in meters in the world frame. Variations 0 to 799 train, 800 to 999 evaluate.
-An episode ends after its horizon, and [before only if the simulation
-diverges](arguments.md#how-episodes-end). Sides of a cloth are counted in SoftGym's particles,
-rho = 0.00625 m apart: dimx columns along X, dimy rows.
+0.01 s; positions are in meters in the world frame, quaternions (w, x, y, z). Variations 0 to 799
+train, 800 to 999 evaluate. An episode ends after its horizon, and [before only if the simulation
+diverges](arguments.md#how-episodes-end). Sides of a cloth are counted in SoftGym's particles, rho =
+0.00625 m apart: dimx columns along X, dimy rows.
 """
 ACTIONS = """All entries range from -1 to 1. A gripper is a picker or the hand of an arm. Arms have
 these actions with `action="position"`; `"pose"` and `"joints"` have [others](robots.md#actions).
