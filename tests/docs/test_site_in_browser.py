@@ -30,6 +30,7 @@ BROKEN = """[
 EAGER = "document.querySelectorAll('img[loading=lazy]').forEach(i => { i.loading = 'eager' })"
 COMPLETE = "[...document.images].every(i => i.complete)"
 LINKS = "[...document.querySelectorAll('a[href]')].map(a => a.href)"
+WRAP = ".md-typeset__scrollwrap"  # Scrolls a table sideways.
 NAMES = "[...document.querySelectorAll('[id], a[name]')].map(e => e.id || e.name)"
 
 
@@ -118,3 +119,18 @@ def test_every_page_is_whole(site, browser):
         links[page], names[page] = browser.evaluate(LINKS), browser.evaluate(NAMES)
     assert len(links) > 40  # Data sheets, notebooks, reference and what nav lists.
     assert not wrong + dead(links, names, folder, address)
+
+
+def test_tables_scroll_on_phones_with_their_first_column_in_place(site, browser):
+    _, address = site
+    phone = {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True}
+    browser.call("Emulation.setDeviceMetricsOverride", **phone)
+    for name in ("", "tasks/fold_cloth/", "pictures/", "results/"):
+        assert opened(browser, address + name) == []
+        assert browser.evaluate("document.documentElement.scrollWidth") == phone["width"]
+    chromium.wait_until(lambda: browser.evaluate(f"!!document.querySelector('{WRAP}')"), LOAD_TIME)
+    browser.evaluate(f"document.querySelector('{WRAP}').scrollLeft = 200")
+    left = "Math.round(document.querySelector('%s').getBoundingClientRect().left)"
+    assert browser.evaluate(left % f"{WRAP} td:first-child") == 0
+    assert browser.evaluate(left % f"{WRAP} td:nth-child(2)") < 0
+    browser.call("Emulation.clearDeviceMetricsOverride")
