@@ -37,11 +37,12 @@ def test_notebook_runs(file, monkeypatch):
 
 
 @notebooks
-def test_notebook_is_committed_without_outputs_and_links_lead_to_files(file):
+def test_notebook_is_committed_with_a_picture_without_outputs_and_links_lead_to_files(file):
     cells = json.loads(file.read_text())["cells"]
     for cell in cells:
         if cell["cell_type"] == "code":
             assert cell["outputs"] == [] and cell["execution_count"] is None
+    assert f"](../docs/notebooks/{file.stem}.jpg)" in "".join(cells[0]["source"])
     text = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown")
     for target in re.findall(r"\]\((?!http)([^)#]+)\)", text):
         assert (file.parent / target).exists(), target
