@@ -84,6 +84,14 @@ def test_an_obstacle_and_a_gate_hold_water_back():
     assert (points[:, 0] < 0.8).all()
 
 
+@pytest.mark.parametrize("size", [(0.5, 0.2, 0.3), (0.437, 0.113, 0.291)])
+def test_particles_have_the_volume_of_the_water(size):
+    water = Box((0.0, -size[1] / 2, 0.0), (size[0], size[1] / 2, size[2]))
+    tank = Tank((0.6, size[1], 0.6), water, 0.05, PLAIN)
+    assert len(tank.points) * tank.spacing**3 == pytest.approx(math.prod(size))
+    assert tank.spacing == pytest.approx(0.05, rel=0.15)
+
+
 @pytest.mark.parametrize("starts_at_rest", [True, False])
 def test_linear_waves_solve_their_equation(starts_at_rest):
     """The first mode: b'' + w^2 b = P x'' with the tank's acceleration, by small steps."""

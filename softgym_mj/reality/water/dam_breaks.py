@@ -64,10 +64,10 @@ class DamBreak:
         size = self.channel * a, width, 2.0 * self.depth
         tank = Tank(size, column, spacing, liquid, gate=True)
         tank.remove_gate()
-        fronts = [front(tank.points, spacing, width)]
+        fronts = [front(tank.points, tank.spacing, width)]
         for _ in range(math.ceil(until * self.unit / tank.timestep)):
             tank.step()
-            fronts.append(front(tank.points, spacing, width))
+            fronts.append(front(tank.points, tank.spacing, width))
         times = tank.timestep / self.unit * np.arange(len(fronts))
         return Run(times, np.array(fronts) / a, len(tank.points))
 
@@ -128,7 +128,7 @@ class Obstacle:
         heights = []
         for _ in range(math.ceil(until / tank.timestep) + 1):
             points = tank.points
-            heights.append([depth(points, spacing, x) for x in self.gauges])
+            heights.append([depth(points, tank.spacing, x) for x in self.gauges])
             tank.step()
         times = tank.timestep * np.arange(len(heights))
         return Run(times, np.array(heights), len(tank.points))

@@ -61,7 +61,7 @@ class Sloshing:
         tank = Tank((self.length, width, 4.0 * self.depth), water, spacing, liquid)
         heights = []
         for step in range(math.ceil(STRETCH * until * self.unit / tank.timestep) + 1):
-            heights.append(depth(tank.points, spacing, self.gauge, width))
+            heights.append(depth(tank.points, tank.spacing, self.gauge, width))
             tank.move(self.position((step + 1) * tank.timestep))
             tank.step()
         times = tank.timestep / self.unit * np.arange(len(heights))

@@ -42,6 +42,8 @@ class Tank:
     """A tank with its floor at z = 0, from x = 0 on, and water at rest in it.
 
     Attributes:
+        spacing: Spacing of particles [m], near the requested one: a whole number of particles, of
+            spacing^3 each, has the volume of the water.
         timestep: Time step [s].
     """
 
@@ -59,7 +61,7 @@ class Tank:
         Args:
             size: Length along X, width along Y and height (3,) [m].
             water: Water at rest.
-            spacing: Spacing of particles [m].
+            spacing: Approximate spacing of particles [m].
             liquid: Properties of the water.
             obstacles: Boxes in the tank.
             gate: Whether a gate holds the water at its largest x.
@@ -68,10 +70,12 @@ class Tank:
             SimulationError: If the simulation diverges.
         """
         check_number("spacing", spacing, gt=0.0)
-        self.timestep = TIMESTEP * min(math.sqrt(spacing / SCALE), 1.0)
-        points = _lattice(water, spacing)
-        columns = tuple(int(n) for n in np.maximum(np.round(water.size[:2] / spacing), 1))
-        self._water = Water(liquid, Resolution(len(points), spacing, (columns[0], columns[1])))
+        cells = np.maximum(np.round(water.size / spacing).astype(int), 1)
+        self.spacing = float(np.cbrt((water.size / cells).prod()))
+        self.timestep = TIMESTEP * min(math.sqrt(self.spacing / SCALE), 1.0)
+        points = _lattice(water, cells)
+        columns = int(cells[0]), int(cells[1])
+        self._water = Water(liquid, Resolution(len(points), self.spacing, columns))
         root = mjcf.RootElement(model="tank")
         root.option.gravity = [0.0, 0.0, -GRAVITY]
         root.option.timestep = self.timestep
@@ -121,12 +125,11 @@ class Tank:
             raise SimulationError("the water diverged")
 
 
-def _lattice(water: Box, spacing: float) -> np.ndarray:
-    """Returns points (n, 3) [m] that fill a box evenly, with some noise."""
-    cells = np.maximum(np.round(water.size / spacing).astype(int), 1)
+def _lattice(water: Box, cells: np.ndarray) -> np.ndarray:
+    """Returns the centers (n, 3) [m] of cells (3,) that fill a box evenly, with some noise."""
     sites = np.stack(np.meshgrid(*map(np.arange, cells), indexing="ij"), axis=-1).reshape(-1, 3)
-    noise = NOISE * spacing * np.random.default_rng(0).uniform(-1.0, 1.0, sites.shape)
-    return np.array(water.low) + (sites + 0.5) * (water.size / cells) + noise
+    noise = NOISE * np.random.default_rng(0).uniform(-1.0, 1.0, sites.shape)
+    return np.array(water.low) + (sites + 0.5 + noise) * (water.size / cells)
 
 
 def _walls(length: float, width: float, height: float) -> tuple[Box, ...]:
