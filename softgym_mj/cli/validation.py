@@ -206,7 +206,7 @@ def cloth(
         console.print(f"wrote {out}")
 
 
-_WATER_LINE = "{:<16} {:<28} {:>5} {:>9} {:<30} {:>7} {:>7} {:>8} {:>6}"
+_WATER_LINE = "{:<20} {:<28} {:>5} {:>9} {:<30} {:>7} {:>7} {:>8} {:>6}"
 
 
 @app.command()
@@ -215,8 +215,8 @@ def water(
     experiment: Annotated[
         list[str] | None,
         typer.Option(
-            help="koshizuka_oka, martin_moyce_29, martin_moyce_57, spheric_2, faltinsen or "
-            "bouscasse, repeatable; default: all."
+            help="koshizuka_oka, koshizuka_oka_sudden, koshizuka_oka_mps, martin_moyce_29, "
+            "martin_moyce_57, spheric_2, faltinsen or bouscasse, repeatable; default: all."
         ),
     ] = None,
     cells: Annotated[

@@ -138,7 +138,7 @@ def test_the_command_prints_and_writes_errors(tmp_path):
     write_tables(tmp_path, SLOSHING, {"faltinsen": wave})
     out = tmp_path / "out.json"
     arguments = ["validate", "water", str(tmp_path), "--cells", "4", "--out", str(out)]
-    names = "koshizuka_oka", "faltinsen"
+    names = "koshizuka_oka_sudden", "faltinsen"
     result = CliRunner().invoke(
         commands.app, [*arguments, *(word for name in names for word in ("--experiment", name))]
     )

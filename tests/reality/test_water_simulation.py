@@ -84,6 +84,29 @@ def test_an_obstacle_and_a_gate_hold_water_back():
     assert (points[:, 0] < 0.8).all()
 
 
+def test_a_lifted_gate_lets_out_the_flow_of_a_sluice():
+    """Flow per width under a gate: q^2 (1 + c / d) = c^2 2 g d, c = 0.611 of the opening."""
+    opening, length, width = 0.06, 0.8, 0.06
+    water = Box((0.0, -width / 2, 0.0), (length, width / 2, 0.3))
+    tank = Tank((2.5, width, 0.6), water, 0.015, PLAIN, gate=True)
+    steps = round(0.1 / tank.timestep)
+    for step in range(steps):
+        tank.lift_gate(opening * (step + 1) / steps)
+        tank.step()
+    held, passed = [], []
+    for _ in range(round(0.2 / tank.timestep)):
+        tank.step()
+        x = tank.points[:, 0]
+        volume = tank.spacing**3 / width
+        held.append((x < length).sum() * volume / length)
+        passed.append((x > length + 0.05).sum() * volume)
+    late = len(held) // 4
+    flow = np.polyfit(tank.timestep * np.arange(len(passed))[late:], passed[late:], 1)[0]
+    behind, contracted = float(np.mean(held[late:])), 0.611 * opening
+    ideal = contracted * math.sqrt(2 * GRAVITY * behind / (1 + contracted / behind))
+    assert flow == pytest.approx(ideal, rel=0.15)
+
+
 @pytest.mark.parametrize("size", [(0.5, 0.2, 0.3), (0.437, 0.113, 0.291)])
 def test_particles_have_the_volume_of_the_water(size):
     water = Box((0.0, -size[1] / 2, 0.0), (size[0], size[1] / 2, size[2]))

@@ -18,9 +18,11 @@ _INCH = 0.0254  # [m]
 # Series 5: 1.231 times the first natural frequency; times are counted in periods.
 _BOUSCASSE = natural_period(1.0, 0.03) / 1.231
 EXPERIMENTS: Mapping[str, Experiment] = {
-    "koshizuka_oka": DamBreak(
+    "koshizuka_oka": DamBreak("ko_data", 0.146, 4.0, lifted=True),
+    "koshizuka_oka_sudden": DamBreak(
         "ko_data", 0.146, 4.0, computed=(("MPS of Koshizuka and Oka", "ko_mps_data"),)
     ),
+    "koshizuka_oka_mps": DamBreak("ko_mps_data", 0.146, 4.0),  # Their front is the reference.
     "martin_moyce_29": DamBreak("mm_data_1", 1.125 * _INCH, 9.0),
     "martin_moyce_57": DamBreak("mm_data_2", 2.25 * _INCH, 18.0),
     "spheric_2": Obstacle(),
@@ -31,6 +33,8 @@ EXPERIMENTS: Mapping[str, Experiment] = {
 }
 CELLS: Mapping[str, Sequence[int]] = {  # Particles over the depth of the water at rest.
     "koshizuka_oka": (16, 32),
+    "koshizuka_oka_sudden": (16, 32),
+    "koshizuka_oka_mps": (16, 32),
     "martin_moyce_29": (16, 32),
     "martin_moyce_57": (16, 32),
     "spheric_2": (10, 20),

@@ -27,12 +27,16 @@ class DamBreak:
         table: Name of the recorded front: z/a over t sqrt(2 g / a).
         column: Length a of the column [m].
         channel: Length of the channel in columns.
+        lifted: Whether the gate is lifted as slowly as still counts as sudden, out of the water
+            after sqrt(2 depth / g) (Lauber and Hager, J. Hydraulic Research 36, 1998). Otherwise it
+            vanishes at once.
         computed: Name of a front in the same file that another method computed, by its title.
     """
 
     table: str
     column: float
     channel: float
+    lifted: bool = False
     computed: tuple[tuple[str, str], ...] = ()
 
     @property
@@ -58,14 +62,18 @@ class DamBreak:
         return found
 
     def simulate(self, liquid: Liquid, spacing: float, until: float) -> Run:
-        """Simulates the front from the gate's removal on."""
+        """Simulates the front since the gate began to move, or vanished."""
         a, width = self.column, LANES * spacing
         column = Box((0.0, -width / 2.0, 0.0), (a, width / 2.0, self.depth))
         size = self.channel * a, width, 2.0 * self.depth
         tank = Tank(size, column, spacing, liquid, gate=True)
-        tank.remove_gate()
+        if not self.lifted:
+            tank.remove_gate()
+        lift = math.sqrt(GRAVITY * self.depth / 2.0)  # [m/s]
         fronts = [front(tank.points, tank.spacing, width)]
-        for _ in range(math.ceil(until * self.unit / tank.timestep)):
+        for step in range(math.ceil(until * self.unit / tank.timestep)):
+            if self.lifted:
+                tank.lift_gate(lift * (step + 1) * tank.timestep)
             tank.step()
             fronts.append(front(tank.points, tank.spacing, width))
         times = tank.timestep / self.unit * np.arange(len(fronts))

@@ -111,6 +111,10 @@ class Tank:
         self._water.set_points(self._water.points(), self._water.velocities())
         mujoco.mj_forward(self._model, self._data)
 
+    def lift_gate(self, height: float) -> None:
+        """Sets the height of the gate above its closed position [m] at the end of the next step."""
+        self._data.mocap_pos[1, 2] = height
+
     def move(self, x: float) -> None:
         """Sets the tank's position along X [m] at the end of the next step."""
         self._data.mocap_pos[0, 0] = x
