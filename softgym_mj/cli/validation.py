@@ -222,8 +222,8 @@ def water(
     cells: Annotated[
         list[int] | None,
         typer.Option(
-            help="Particles over the depth of the water at rest, repeatable; default: two numbers "
-            "for each experiment."
+            help="Particles over the depth of the water at rest, repeatable; default: two or "
+            "three numbers for each experiment."
         ),
     ] = None,
     out: Results = None,

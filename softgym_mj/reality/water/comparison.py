@@ -38,7 +38,7 @@ CELLS: Mapping[str, Sequence[int]] = {  # Particles over the depth of the water 
     "martin_moyce_29": (16, 32),
     "martin_moyce_57": (16, 32),
     "spheric_2": (10, 20),
-    "faltinsen": (12, 24),
+    "faltinsen": (12, 24, 32),
     "bouscasse": (4, 6),
 }
 MOST_CELLS = 100
