@@ -81,7 +81,9 @@ def minimize(matrix: jax.Array, vector: jax.Array, rows: jax.Array, bounds: jax.
         used = state.active >= 0
         spans = jnp.where(used[:, None], scaled[state.active], 0.0)
         gram = (spans[:, None] * spans).sum(-1) + jnp.diag(jnp.where(used, 0.0, 1.0))
-        share = jnp.linalg.solve(gram, (spans * normal).sum(-1))
+        share = jax.scipy.linalg.cho_solve(
+            jax.scipy.linalg.cho_factor(gram, lower=True), (spans * normal).sum(-1)
+        )
         way = normal - (spans * share[:, None]).sum(0)
         length, whole = (way**2).sum(), (normal**2).sum()
         # Steps to the constraint, and to the first active one that ceases to push.

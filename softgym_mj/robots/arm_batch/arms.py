@@ -1,0 +1,230 @@
+"""`ArmBatch`: one or two arms in each environment of a batch, with the control of `Arms`."""
+
+import functools
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.robots.arm import arms as cpu
+from softgym_mj.robots.arm.joint_servos import SOLVE_EVERY
+from softgym_mj.robots.arm.models import Arm
+from softgym_mj.robots.arm.mounts import Mount
+from softgym_mj.robots.arm_batch import commands, dynamics, inverse_kinematics, models
+from softgym_mj.robots.base import SIM_STEP
+
+
+class ArmState(NamedTuple):
+    """State of the arms of environments: n arms with m joints each, and two fingers.
+
+    Attributes:
+        positions, speeds: joints, then fingers (num_envs, n, m + 2) [rad and m, and each second].
+        reference: joint angles of the controller's reference (num_envs, n, m) [rad].
+        start, goal: commands of the servos at the last solution and at the next (num_envs, n, m)
+            [rad].
+        filter: command filter; arrays (num_envs, n, 3).
+        leader: tool points of the reference (num_envs, n, 3) [m].
+        limits: lowest and highest commanded point (num_envs, 2, 3) [m].
+        failures: number of solutions that were not found (num_envs,).
+    """
+
+    positions: jax.Array
+    speeds: jax.Array
+    reference: jax.Array
+    start: jax.Array
+    goal: jax.Array
+    filter: commands.Filter
+    leader: jax.Array
+    limits: jax.Array
+    failures: jax.Array
+
+
+class Motion(NamedTuple):
+    """Hands at the end of each of t sim steps.
+
+    Attributes:
+        points: tool points (t, num_envs, n, 3) [m].
+        rotations: rotation matrices of the tools (t, num_envs, n, 3, 3).
+        velocities: velocities of the tool points (t, num_envs, n, 3) [m/s].
+        openings: distances of the pads (t, num_envs, n) [m].
+        joints: joint angles (t, num_envs, n, m) [rad].
+    """
+
+    points: jax.Array
+    rotations: jax.Array
+    velocities: jax.Array
+    openings: jax.Array
+    joints: jax.Array
+
+
+class ArmBatch:
+    """Arms of environments that step together, on the device of their arrays.
+
+    Nothing pushes on the arms. Numbers have double precision: the posture's cost is a millionth of
+    the tools'. `torch.from_dlpack` shares arrays with PyTorch.
+
+    Attributes:
+        kinematics: kinematics of the arms of an environment.
+    """
+
+    def __init__(
+        self, arm: Arm, mounts: Sequence[Mount], timestep: float = SIM_STEP, tips: float = 0.0
+    ):
+        """Prepares the arms.
+
+        Args:
+            arm: kind of arm.
+            mounts: bases of the arms of an environment.
+            timestep: physics step [s], a sim step divided by a whole number.
+            tips: as in `bodies.kinematic_model`.
+        """
+        self._arm, self._joints = arm, len(arm.joints)
+        with jax.enable_x64(True):
+            model, lags = models.dynamic_model(arm, timestep)
+            self._dynamics, self._lags = dynamics.dynamics_of(model), lags
+            self.kinematics = inverse_kinematics.kinematics_of(arm, tuple(mounts), tips)
+        self._parts = round(SIM_STEP / timestep)
+        self._step = jax.jit(jax.vmap(self._env_step, (0, 0, None), (0, 1)), static_argnums=2)
+
+    @classmethod
+    def of(cls, arms: cpu.Arms, timestep: float = SIM_STEP) -> "ArmBatch":
+        """Returns a batch of arms as those of an environment.
+
+        Raises:
+            InvalidArgumentError: unless their action is "position" and they hold by attachment.
+        """
+        valid = f"{arms.arm.name}/attach"
+        if arms.name != valid:
+            raise InvalidArgumentError("actor", arms.name, valid)
+        return cls(arms.arm, arms.mounts, timestep)
+
+    def read(self, arms: cpu.Arms) -> dict[str, np.ndarray]:
+        """Returns a row of the state by name, from the arms of an environment between env steps.
+
+        Raises:
+            InvalidArgumentError: if the controller is between two solutions.
+        """
+        state, number = arms.get_state(), len(arms.mounts)
+        phase = int(state["phase"])
+        if phase != SOLVE_EVERY - 1:
+            raise InvalidArgumentError("phase", phase, [SOLVE_EVERY - 1])
+        servos = arms.servos
+        data, fingers = servos.fingers.data, servos.fingers
+
+        def joined(values, own, hands):
+            return np.concatenate([values[own].reshape(number, -1), values[hands]], axis=1)
+
+        commanded, points, step = state["filter"]
+        return {
+            "positions": joined(data.qpos, servos.positions_at, fingers.positions_at),
+            "speeds": joined(data.qvel, servos.speeds_at, fingers.speeds_at),
+            "reference": state["configuration"].reshape(number, -1),
+            "start": state["servo"][0].reshape(number, -1),
+            "goal": state["servo"][1].reshape(number, -1),
+            "commanded": commanded,
+            "points": points,
+            "step": step,
+            "leader": arms.controller.points(),
+            "limits": np.array(arms.limits),
+            "failures": state["failures"].astype(np.int32),
+        }
+
+    def stack(self, rows: Sequence[dict[str, np.ndarray]], device: Any = None) -> ArmState:
+        """Returns the state of environments on a device of JAX, from a row of each.
+
+        Args:
+            rows: results of `read`.
+            device: the device; None for the first of JAX's.
+        """
+        with jax.enable_x64(True):
+            own = {name: np.stack([row[name] for row in rows]) for name in rows[0]}
+            filtered = commands.Filter(*(own.pop(name) for name in commands.Filter._fields))
+            return jax.device_put(ArmState(filter=filtered, **own), device or jax.devices()[0])
+
+    def step(self, state: ArmState, actions: Any, sim_steps: int) -> tuple[ArmState, Motion]:
+        """Returns state and motion of an env step.
+
+        Args:
+            state: state of the environments.
+            actions: displacement and grip of each arm (num_envs, 4 n), an array of NumPy or JAX or,
+                on the same device, of PyTorch.
+            sim_steps: number of sim steps, even.
+
+        Raises:
+            InvalidArgumentError: for an odd number of sim steps.
+        """
+        if sim_steps % SOLVE_EVERY:
+            raise InvalidArgumentError("sim_steps", sim_steps, f"a multiple of {SOLVE_EVERY}")
+        with jax.enable_x64(True):
+            if not isinstance(actions, (np.ndarray, jax.Array)):
+                actions = jax.dlpack.from_dlpack(actions)
+            actions = jnp.asarray(actions, jnp.float64)
+            return self._step(state, jax.device_put(actions, state.positions.sharding), sim_steps)
+
+    # ------------------------------------------------------------------ one environment
+
+    def _env_step(
+        self, state: ArmState, action: jax.Array, sim_steps: int
+    ) -> tuple[ArmState, Motion]:
+        each = action.reshape(-1, 4)
+        shut, opened = self._arm.finger_commands
+        fingers = jnp.where(each[:, 3:] > 0.0, shut, opened) * jnp.ones(2)
+
+        def period(now, _):
+            now = self._lead(now, each[:, :3])
+            ahead = now.filter.points + (SOLVE_EVERY - 1) * now.filter.step
+            found = inverse_kinematics.follow(self.kinematics, now.reference, ahead)
+            now = now._replace(
+                reference=found.angles,
+                start=now.goal,
+                goal=found.angles + self._lags * found.speeds,
+                leader=inverse_kinematics.tools(self.kinematics, found.angles),
+                failures=now.failures + found.failed.astype(jnp.int32),
+            )
+            return jax.lax.scan(sim_step, now, jnp.arange(SOLVE_EVERY))
+
+        def sim_step(now, phase):
+            later = self._lead(now, each[:, :3])
+            now = jax.tree.map(lambda old, new: jnp.where(phase > 0, new, old), now, later)
+            now = self._move(now, phase, fingers)
+            return now, self._motion(now)
+
+        state, motion = jax.lax.scan(period, state, None, sim_steps // SOLVE_EVERY)
+        return state, jax.tree.map(lambda array: array.reshape(-1, *array.shape[2:]), motion)
+
+    def _lead(self, state: ArmState, moves: jax.Array) -> ArmState:
+        """Returns the state with the commanded points moved by a sim step."""
+        filtered = commands.advance(
+            self._arm, self.kinematics, state.filter, moves, state.limits, state.leader
+        )
+        return state._replace(filter=filtered)
+
+    def _move(self, state: ArmState, phase: jax.Array, fingers: jax.Array) -> ArmState:
+        """Returns the state after the physics of a sim step.
+
+        Args:
+            state: state of the arms.
+            phase: sim steps since the last solution.
+            fingers: commands of the fingers (n, 2) [m].
+        """
+
+        def part(count, moving):
+            way = (phase + (count + 1.0) / self._parts) / SOLVE_EVERY
+            command = (1.0 - way) * state.start + way * state.goal
+            command = jnp.concatenate([command, fingers], axis=1)
+            return jax.vmap(functools.partial(dynamics.step, self._dynamics))(*moving, command)
+
+        moving = state.positions, state.speeds
+        positions, speeds = jax.lax.fori_loop(0, self._parts, part, moving)
+        return state._replace(positions=positions, speeds=speeds)
+
+    def _motion(self, state: ArmState) -> Motion:
+        joints = state.positions[:, : self._joints]
+        points, rotations, velocities = inverse_kinematics.hands(
+            self.kinematics, joints, state.speeds[:, : self._joints]
+        )
+        openings = state.positions[:, self._joints :].sum(-1)
+        return Motion(points, rotations, velocities, openings, joints)

@@ -1,0 +1,88 @@
+"""Commanded tool points of one environment: `PositionAction` and `CommandFilter` as functions."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from softgym_mj.robots.arm import cartesian, command_filter, mounts
+from softgym_mj.robots.arm.models import Arm
+from softgym_mj.robots.arm_batch import inverse_kinematics
+from softgym_mj.robots.arm_batch.inverse_kinematics import Kinematics
+from softgym_mj.robots.base import SIM_STEP
+from softgym_mj.robots.gripper import MAX_DISPLACEMENT
+
+
+class Filter(NamedTuple):
+    """State of the command filter.
+
+    Attributes:
+        commanded: commanded positions (arms, 3) [m].
+        points: filtered positions (arms, 3) [m].
+        step: their displacement in the last sim step (arms, 3) [m].
+    """
+
+    commanded: jax.Array
+    points: jax.Array
+    step: jax.Array
+
+
+def advance(
+    arm: Arm,
+    arms: Kinematics,
+    state: Filter,
+    moves: jax.Array,
+    limits: jax.Array,
+    leader: jax.Array,
+) -> Filter:
+    """Runs a sim step.
+
+    Args:
+        arm: kind of arm.
+        arms: the arms.
+        state: state of the filter.
+        moves: commanded displacements as fractions of the largest (arms, 3).
+        limits: lowest and highest commanded point (2, 3) [m].
+        leader: tool points of the reference (arms, 3) [m].
+    """
+    wanted = within_reach(arm, arms, state.commanded + MAX_DISPLACEMENT * moves, limits)
+    commanded = drawn_in(wanted, state.points, command_filter.LEAD)
+    along = command_filter.ALONG * SIM_STEP
+    along = drawn_in(commanded - state.commanded, jnp.zeros_like(commanded), along)
+    gap = commanded - along - state.points
+    distance, most = _lengths(gap), command_filter.SPEED_UP
+    braking = (jnp.sqrt(1.0 + 8.0 * distance / most) - 1.0) / 2.0 * most
+    step = gap * (jnp.minimum(braking, distance) / jnp.maximum(distance, 1e-12))
+    points = state.points + drawn_in(along + step, state.step, most)
+    points = drawn_in(points, leader, cartesian.LEAD)
+    return Filter(commanded, points, points - state.points)
+
+
+def within_reach(arm: Arm, arms: Kinematics, points: jax.Array, limits: jax.Array) -> jax.Array:
+    """Returns points (arms, 3) [m], moved into the workspace and the arms' reach.
+
+    Args:
+        arm: kind of arm.
+        arms: the arms.
+        points: points (arms, 3) [m].
+        limits: lowest and highest point of the workspace (2, 3) [m].
+    """
+    local = inverse_kinematics.to_mounts(arms, jnp.clip(points, limits[0], limits[1]))
+    forward, left, height = jnp.maximum(local[:, 0], mounts.FORWARD), local[:, 1], local[:, 2]
+    inner, outer = arm.reach
+    farthest = jnp.sqrt(jnp.maximum(outer**2 - (height - mounts.MIDDLE) ** 2, inner**2))
+    distance = jnp.sqrt(forward**2 + left**2)
+    scale = jnp.minimum(jnp.maximum(distance, inner), farthest) / distance
+    return inverse_kinematics.to_world(
+        arms, jnp.stack([scale * forward, scale * left, height], axis=1)
+    )
+
+
+def drawn_in(points: jax.Array, centers: jax.Array, radius: float) -> jax.Array:
+    """Returns points (n, 3), moved straight to within `radius` of their `centers` (n, 3)."""
+    offset = points - centers
+    return centers + offset * (radius / jnp.maximum(_lengths(offset), radius))
+
+
+def _lengths(vectors: jax.Array) -> jax.Array:
+    return jnp.sqrt((vectors**2).sum(-1, keepdims=True))

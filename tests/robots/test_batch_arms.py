@@ -1,0 +1,186 @@
+"""Arms in batches against the same arms in environments."""
+
+import functools
+
+import jax
+import mujoco
+import numpy as np
+import pytest
+import torch
+
+import softgym_mj
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.policies.experts import make_policy
+from softgym_mj.robots.arm.arms import Arms
+from softgym_mj.robots.arm.models import ARMS
+from softgym_mj.robots.arm_batch.arms import ArmBatch
+from softgym_mj.robots.base import SIM_STEP
+from tests.robots.arms import usually
+from tests.scenes import arm_paths
+
+SIM_STEPS = 8
+
+
+@functools.cache
+def batch_of(arm, mounts, timestep):
+    """A batch whose steps are compiled once for all tests."""
+    return ArmBatch(ARMS[arm], mounts, timestep)
+
+
+def batch_like(arms, timestep):
+    return batch_of(arms.arm.name, arms.mounts, timestep)
+
+
+def measured(arms):
+    """Joint angles, tool points, velocities, rotations and openings of one environment."""
+    servos, number = arms.servos, arms.num_grippers
+    joints = servos.fingers.data.qpos[servos.positions_at].reshape(number, -1)
+    points = servos.points()
+    found = joints, points, servos.velocities(), servos.rotations(), servos.fingers.openings
+    return [np.array(each) for each in found]
+
+
+def at_end(motion, t=-1):
+    """The same of all environments."""
+    found = motion.joints, motion.points, motion.velocities, motion.rotations, motion.openings
+    return [np.asarray(each[t]) for each in found]
+
+
+class Scene:
+    """Arms that random actions move; the object lies out of reach."""
+
+    def __init__(self, arm, number, seed):
+        self.model, self.data, self.arms = arm_paths.scene("rope", arm, number)
+        points = np.array([[0.05, -0.2, 0.15], [-0.1, 0.15, 0.25]])[:number]
+        self.arms.place(points, arm_paths.WORKSPACE)
+        self.random = np.random.default_rng(seed)
+
+    def action(self):
+        return self.random.uniform(-1.0, 1.0, self.arms.action_size)
+
+    def step(self, action):
+        self.arms.command(action)
+        for _ in range(SIM_STEPS):
+            self.arms.plan()
+            parts = round(SIM_STEP / self.model.opt.timestep)
+            for i in range(parts):
+                self.arms.move((i + 1) / parts, self.model.opt.timestep)
+                mujoco.mj_step(self.model, self.data)
+
+
+@usually("case", ["franka/2", "sawyer/2", "ur5e/1"], "franka/2")
+def test_random_actions_move_arms_as_in_environments(case):
+    arm, number = case.split("/")
+    scenes = [Scene(arm, int(number), seed) for seed in range(3)]
+    arms = scenes[0].arms
+    batch = batch_like(arms, scenes[0].model.opt.timestep)
+    state = batch.stack([batch.read(scene.arms) for scene in scenes])
+    for _ in range(15):
+        actions = np.array([scene.action() for scene in scenes])
+        state, motion = batch.step(state, actions, SIM_STEPS)
+        for scene, action in zip(scenes, actions, strict=True):
+            scene.step(action)
+        expected = map(np.array, zip(*(measured(scene.arms) for scene in scenes), strict=True))
+        tolerances = 5e-4, 5e-4, 0.02, 5e-3, 1e-4
+        for found, value, tolerance in zip(at_end(motion), expected, tolerances, strict=True):
+            np.testing.assert_allclose(found, value, atol=tolerance)
+        np.testing.assert_allclose(
+            state.filter.commanded, [scene.arms.commanded_positions() for scene in scenes],
+            atol=1e-4,
+        )  # fmt: skip
+    assert not np.any(state.failures)
+
+
+@pytest.mark.parametrize(
+    "task",
+    [
+        "straighten_rope",
+        pytest.param("fold_cloth", marks=pytest.mark.long),
+        pytest.param("spread_cloth", marks=pytest.mark.long),
+    ],
+)
+def test_experts_move_arms_as_in_environments(task):
+    """What pushes on hands is neglected: 1 mm by a rope, 6 mm by crumpled cloth."""
+    env = softgym_mj.load(task, actor="franka", arms=2)
+    arms, rows, actions, recorded = env.task.actor, [], [], []
+    batch = batch_like(arms, env.physics.model.opt.timestep)
+    for variation in (800, 801):
+        timestep = env.reset(variation)
+        policy = make_policy(env)
+        rows.append(batch.read(arms))
+        actions.append([])
+        recorded.append([])
+        for _ in range(20):
+            actions[-1].append(policy(timestep))
+            timestep = env.step(actions[-1][-1])
+            joints, points, *_ = measured(arms)
+            reference = arms.controller.configuration.reshape(joints.shape)
+            recorded[-1].append([reference, joints, points])
+    own, differences = [0, 1, 0], []  # As many as in the other tests: steps are compiled once.
+    state = batch.stack([rows[k] for k in own])
+    for i in range(20):
+        state, motion = batch.step(state, np.array([actions[k][i] for k in own]), SIM_STEPS)
+        found = state.reference, motion.joints[-1], motion.points[-1]
+        expected = map(np.array, zip(*(recorded[k][i] for k in own), strict=True))
+        pairs = zip(map(np.asarray, found), expected, strict=True)
+        differences.append([np.abs(a - b) for a, b in pairs])
+    references, joints, points = (np.array([each[k] for each in differences]) for k in range(3))
+    assert references.max() < 1e-6
+    assert np.sqrt(np.mean(joints**2)) < 1e-3
+    assert points.max() < 8e-3
+    if task != "spread_cloth":
+        assert points.max() < 2e-3
+        assert points.max((0, 2, 3)).min() < 1e-6  # Nothing pushes in one of the two.
+    assert np.ptp([each[0] for each in recorded[0]], axis=0).max() > 0.1  # The arms moved.
+
+
+def test_runs_give_the_same_bits_and_environments_do_not_touch_each_other():
+    scenes = [Scene("franka", 2, seed) for seed in range(3)]
+    batch = batch_like(scenes[0].arms, scenes[0].model.opt.timestep)
+    rows = [batch.read(scene.arms) for scene in scenes]
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (4, 3, 8))
+
+    def played():
+        state, points = batch.stack(rows), []
+        for action in actions:
+            state, motion = batch.step(state, action, SIM_STEPS)
+            points.append(np.asarray(motion.points))
+        return np.concatenate(points)
+
+    first = played()
+    np.testing.assert_array_equal(played(), first)
+    rows[1]["speeds"] = np.full_like(rows[1]["speeds"], np.nan)
+    rows[1]["reference"] = np.full_like(rows[1]["reference"], np.nan)
+    again = played()
+    assert np.isnan(again[-1, 1]).all()
+    np.testing.assert_array_equal(again[:, [0, 2]], first[:, [0, 2]])
+
+
+def test_arrays_are_shared_with_pytorch():
+    scenes = [Scene("franka", 2, seed) for seed in range(3)]
+    batch = batch_like(scenes[0].arms, scenes[0].model.opt.timestep)
+    state = batch.stack([batch.read(scene.arms) for scene in scenes])
+    actions = torch.zeros((3, 8), dtype=torch.float64)
+    with jax.enable_x64(True):
+        assert jax.dlpack.from_dlpack(actions).unsafe_buffer_pointer() == actions.data_ptr()
+    _, motion = batch.step(state, actions, SIM_STEPS)
+    shared = torch.from_dlpack(motion.points)
+    assert shared.dtype == torch.float64
+    assert shared.data_ptr() == motion.points.unsafe_buffer_pointer()
+    # Actions of zero leave the hands where they are.
+    start = np.array([scene.arms.positions() for scene in scenes])
+    np.testing.assert_allclose(shared[-1], start, atol=2e-3)
+
+
+def test_what_batches_cannot_do_is_refused():
+    scene = Scene("franka", 1, 0)
+    batch = ArmBatch.of(scene.arms)
+    row = batch.read(scene.arms)
+    with pytest.raises(InvalidArgumentError, match="sim_steps=7"):
+        batch.step(batch.stack([row]), np.zeros((1, 4)), 7)
+    scene.arms.command(np.zeros(4))
+    scene.arms.plan()
+    with pytest.raises(InvalidArgumentError, match="phase=0"):
+        batch.read(scene.arms)
+    with pytest.raises(InvalidArgumentError, match="friction"):
+        ArmBatch.of(Arms(ARMS["franka"], 1, grasp="friction"))
