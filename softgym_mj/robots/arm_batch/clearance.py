@@ -107,15 +107,22 @@ def nearest(
         first, second: shapes.
         first_pose, second_pose: their positions and rotations in a common frame.
     """
-    one = _Core(first_pose[0][:, None], first_pose[1][:, None], first.core[:, None],
-                first.is_round[:, None, None])  # fmt: skip
+    own = first_pose[0][:, None], first_pose[1][:, None], first.core[:, None]
+    one = _Core(*own, first.is_round[:, None, None])
     other = _Core(*second_pose, second.core, second.is_round[:, None])
+    start, end = _between(one, other)
+    # Those of segments are exact.
+    thick = [shapes.core[:, :2].any(1) for shapes in (first, second)]
+    i, j = np.nonzero(thick[0][:, None] | thick[1])
+    one = _Core(*(each[i] for each in (*first_pose, first.core, first.is_round[:, None])))
+    other = _Core(*(each[j] for each in (*second_pose, second.core, second.is_round[:, None])))
 
     def project(_, ends):
-        start = one.nearest(ends[1])
-        return start, other.nearest(start)
+        begin = one.nearest(ends[1])
+        return begin, other.nearest(begin)
 
-    start, end = jax.lax.fori_loop(0, PROJECTIONS, project, _between(one, other))
+    ends = jax.lax.fori_loop(0, PROJECTIONS, project, (start[i, j], end[i, j]))
+    start, end = start.at[i, j].set(ends[0]), end.at[i, j].set(ends[1])
     gap = end - start
     distance = jnp.sqrt((gap**2).sum(-1))
     normal = gap / jnp.maximum(distance, 1e-12)[..., None]
