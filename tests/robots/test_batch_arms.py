@@ -19,6 +19,7 @@ from tests.robots.arms import usually
 from tests.scenes import arm_paths
 
 SIM_STEPS = 8
+PUSHING = "left_pad", "right_pad", "hand_collision"
 
 
 @functools.cache
@@ -132,6 +133,50 @@ def test_experts_move_arms_as_in_environments(task):
         assert points.max() < 2e-3
         assert points.max((0, 2, 3)).min() < 1e-6  # Nothing pushes in one of the two.
     assert np.ptp([each[0] for each in recorded[0]], axis=0).max() > 0.1  # The arms moved.
+
+
+def pushing(model, data, number):
+    """Poses, velocities and accelerations of the hands' solids of a scene before a step."""
+    names = [f"arms/franka_{i}/{geom}" for i in range(number) for geom in PUSHING]
+    geoms = [model.geom(name).id for name in names]
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    found, jacobian = [], np.empty((2, 3, model.nv))
+    for geom in geoms:
+        body = model.geom_bodyid[geom]
+        mujoco.mj_jac(model, data, *jacobian, data.xipos[body], body)
+        pose = data.geom_xpos[geom], data.geom_xmat[geom]
+        found.append([*(a.copy() for a in pose), jacobian.reshape(6, -1).copy()])
+    return [np.array(a).reshape(number, -1, *np.shape(a)[1:]) for a in zip(*found, strict=True)]
+
+
+def test_solids_of_hands_move_as_in_environments():
+    scenes = [Scene("franka", 2, seed) for seed in range(3)]
+    batch = batch_like(scenes[0].arms, scenes[0].model.opt.timestep)
+    state = batch.stack([batch.read(scene.arms) for scene in scenes])
+    for _ in range(3):
+        actions = np.array([scene.action() for scene in scenes])
+        state, motion = batch.step(state, actions, SIM_STEPS)
+        for i, (scene, action) in enumerate(zip(scenes, actions, strict=True)):
+            model, data, h = scene.model, scene.data, scene.model.opt.timestep
+            scene.arms.command(action)
+            for t in range(SIM_STEPS):
+                scene.arms.plan()
+                scene.arms.move(1.0, h)
+                positions, matrices, jacobians = pushing(model, data, 2)
+                before = data.qvel.copy()
+                mujoco.mj_step(model, data)
+                poses, velocities, accelerations = (np.asarray(a[t, i]) for a in motion.solids)
+                np.testing.assert_allclose(poses[..., :3], positions, atol=1e-5)
+                quaternions = poses[..., 3:].reshape(-1, 4)
+                expected = matrices.reshape(-1, 9)
+                for quaternion, matrix in zip(quaternions, expected, strict=True):
+                    found = np.empty(9)
+                    mujoco.mju_quat2Mat(found, quaternion)
+                    np.testing.assert_allclose(found, matrix, atol=1e-4)
+                np.testing.assert_allclose(velocities, jacobians @ before, atol=1e-3)
+                change = (data.qvel - before) / h
+                np.testing.assert_allclose(accelerations, jacobians @ change, atol=0.05)
 
 
 def test_runs_give_the_same_bits_and_environments_do_not_touch_each_other():

@@ -13,7 +13,7 @@ from softgym_mj.robots.arm import arms as cpu
 from softgym_mj.robots.arm.joint_servos import SOLVE_EVERY
 from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.arm.mounts import Mount
-from softgym_mj.robots.arm_batch import commands, dynamics, inverse_kinematics, models
+from softgym_mj.robots.arm_batch import commands, dynamics, hands, inverse_kinematics, models
 from softgym_mj.robots.base import SIM_STEP
 
 
@@ -43,7 +43,7 @@ class ArmState(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Hands at the end of each of t sim steps.
+    """Hands at the end of each of t sim steps, with p physics steps in all.
 
     Attributes:
         points: tool points (t, num_envs, n, 3) [m].
@@ -51,6 +51,8 @@ class Motion(NamedTuple):
         velocities: velocities of the tool points (t, num_envs, n, 3) [m/s].
         openings: distances of the pads (t, num_envs, n) [m].
         joints: joint angles (t, num_envs, n, m) [rad].
+        solids: motion of the hands' solids in each physics step; arrays begin with (p, num_envs,
+            n).
     """
 
     points: jax.Array
@@ -58,6 +60,7 @@ class Motion(NamedTuple):
     velocities: jax.Array
     openings: jax.Array
     joints: jax.Array
+    solids: hands.SolidSteps
 
 
 class ArmBatch:
@@ -86,6 +89,7 @@ class ArmBatch:
             model, lags = models.dynamic_model(arm, timestep)
             self._dynamics, self._lags = dynamics.dynamics_of(model), lags
             self.kinematics = inverse_kinematics.kinematics_of(arm, tuple(mounts), tips)
+            self._solids = hands.solids_of(arm)
         self._parts = round(SIM_STEP / timestep)
         self._step = jax.jit(jax.vmap(self._env_step, (0, 0, None), (0, 1)), static_argnums=2)
 
@@ -189,11 +193,15 @@ class ArmBatch:
         def sim_step(now, phase):
             later = self._lead(now, each[:, :3])
             now = jax.tree.map(lambda old, new: jnp.where(phase > 0, new, old), now, later)
-            now = self._move(now, phase, fingers)
-            return now, self._motion(now)
+            now, solids = self._move(now, phase, fingers)
+            return now, (self._motion(now), solids)
 
-        state, motion = jax.lax.scan(period, state, None, sim_steps // SOLVE_EVERY)
-        return state, jax.tree.map(lambda array: array.reshape(-1, *array.shape[2:]), motion)
+        state, (motion, solids) = jax.lax.scan(period, state, None, sim_steps // SOLVE_EVERY)
+        points, rotations, velocities, openings, joints = (
+            array.reshape(-1, *array.shape[2:]) for array in motion
+        )
+        solids = jax.tree.map(lambda array: array.reshape(-1, *array.shape[3:]), solids)
+        return state, Motion(points, rotations, velocities, openings, joints, solids)
 
     def _lead(self, state: ArmState, moves: jax.Array) -> ArmState:
         """Returns the state with the commanded points moved by a sim step."""
@@ -202,8 +210,10 @@ class ArmBatch:
         )
         return state._replace(filter=filtered)
 
-    def _move(self, state: ArmState, phase: jax.Array, fingers: jax.Array) -> ArmState:
-        """Returns the state after the physics of a sim step.
+    def _move(
+        self, state: ArmState, phase: jax.Array, fingers: jax.Array
+    ) -> tuple[ArmState, hands.SolidSteps]:
+        """Returns the state after the physics of a sim step, and the motion of solids in it.
 
         Args:
             state: state of the arms.
@@ -211,20 +221,22 @@ class ArmBatch:
             fingers: commands of the fingers (n, 2) [m].
         """
 
-        def part(count, moving):
+        def part(moving, count):
             way = (phase + (count + 1.0) / self._parts) / SOLVE_EVERY
             command = (1.0 - way) * state.start + way * state.goal
             command = jnp.concatenate([command, fingers], axis=1)
-            return jax.vmap(functools.partial(dynamics.step, self._dynamics))(*moving, command)
+            moved = jax.vmap(functools.partial(dynamics.step, self._dynamics))(*moving, command)
+            solids = jax.vmap(functools.partial(hands.steps, self._dynamics, self._solids))(
+                *moving, moved[1], self.kinematics.base, self.kinematics.yaw
+            )
+            return moved, solids
 
         moving = state.positions, state.speeds
-        positions, speeds = jax.lax.fori_loop(0, self._parts, part, moving)
-        return state._replace(positions=positions, speeds=speeds)
+        (positions, speeds), solids = jax.lax.scan(part, moving, jnp.arange(self._parts))
+        return state._replace(positions=positions, speeds=speeds), solids
 
-    def _motion(self, state: ArmState) -> Motion:
+    def _motion(self, state: ArmState) -> tuple[jax.Array, ...]:
+        """Returns the fields of `Motion` but for the solids."""
         joints = state.positions[:, : self._joints]
-        points, rotations, velocities = inverse_kinematics.hands(
-            self.kinematics, joints, state.speeds[:, : self._joints]
-        )
-        openings = state.positions[:, self._joints :].sum(-1)
-        return Motion(points, rotations, velocities, openings, joints)
+        tools = inverse_kinematics.hands(self.kinematics, joints, state.speeds[:, : self._joints])
+        return *tools, state.positions[:, self._joints :].sum(-1), joints

@@ -112,7 +112,7 @@ def nearest(
     other = _Core(*second_pose, second.core, second.is_round[:, None])
     start, end = _between(one, other)
     # Those of segments are exact.
-    thick = [shapes.core[:, :2].any(1) for shapes in (first, second)]
+    thick = [shapes.core[:, :2].max(1) > 0.0 for shapes in (first, second)]
     i, j = np.nonzero(thick[0][:, None] | thick[1])
     one = _Core(*(each[i] for each in (*first_pose, first.core, first.is_round[:, None])))
     other = _Core(*(each[j] for each in (*second_pose, second.core, second.is_round[:, None])))

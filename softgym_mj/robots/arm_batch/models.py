@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 from dm_control import mjcf
 
+from softgym_mj.entities.flex import GRIPPER_CONTACT
 from softgym_mj.robots.arm import bodies
 from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.arm.mounts import Mount
@@ -22,8 +23,7 @@ def dynamic_model(arm: Arm, timestep: float) -> tuple[mujoco.MjModel, np.ndarray
 
     It has no geoms and no gravity, which arms compensate. Nobody may change it.
     """
-    root = mjcf.RootElement(model="arms")
-    bodies.add_arms(root, arm, [at_origin(arm)])
+    root = _root(arm)
     for kind in ("geom", "mesh", "camera"):
         for element in root.find_all(kind):
             element.remove()
@@ -38,3 +38,23 @@ def dynamic_model(arm: Arm, timestep: float) -> tuple[mujoco.MjModel, np.ndarray
     mujoco.mj_forward(model, data)
     inertias = data.M[model.M_rowadr[joints] + model.M_rownnz[joints] - 1]
     return model, bodies.tune(model, motors, inertias, np.array(arm.torque_limits))
+
+
+@functools.lru_cache(maxsize=bodies.KEPT)
+def solid_model(arm: Arm) -> tuple[mujoco.MjModel, list[int]]:
+    """Returns the model of an arm with its geoms, and those that push: the pads, then the hand's.
+
+    Its bodies are those of `dynamic_model`. Nobody may change it.
+    """
+    root = _root(arm)
+    model = mujoco.MjModel.from_xml_string(root.to_xml_string(), assets=root.get_assets())
+    (name,) = bodies.names(arm, 1)
+    pads = [model.geom(f"{name}/{pad}").id for pad in arm.pad_geoms]
+    pushing = np.flatnonzero(model.geom_contype == GRIPPER_CONTACT).tolist()
+    return model, [*pads, *(geom for geom in pushing if geom not in pads)]
+
+
+def _root(arm: Arm) -> mjcf.RootElement:
+    root = mjcf.RootElement(model="arms")
+    bodies.add_arms(root, arm, [at_origin(arm)])
+    return root

@@ -1,0 +1,105 @@
+"""Solids of hands, which push cloth and rope: their poses and motion in a physics step."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from softgym_mj.robots.arm.models import Arm
+from softgym_mj.robots.arm_batch import chain as chains
+from softgym_mj.robots.arm_batch import models
+from softgym_mj.robots.arm_batch.dynamics import Dynamics
+
+
+class Solids(NamedTuple):
+    """Solids of a hand: its pads, then the others.
+
+    Attributes:
+        body: body of each solid (k,).
+        position, rotation: pose in the body (k, 3) [m], (k, 3, 3).
+    """
+
+    body: np.ndarray
+    position: np.ndarray
+    rotation: np.ndarray
+
+
+class SolidSteps(NamedTuple):
+    """Motion of solids in physics steps, as in `cloth.batch_solver.SolidMotion`.
+
+    Attributes:
+        poses: positions [m] and quaternions (w, x, y, z) at the start of the step (..., k, 7).
+        velocities: velocities [m/s] of the centers of mass of their bodies and angular velocities
+            [rad/s] at the start (..., k, 6).
+        accelerations: mean accelerations of both in the step (..., k, 6) [m/s^2], [rad/s^2].
+    """
+
+    poses: jax.Array
+    velocities: jax.Array
+    accelerations: jax.Array
+
+
+def solids_of(arm: Arm) -> Solids:
+    """Returns the solids of an arm's hand."""
+    model, geoms = models.solid_model(arm)
+    return Solids(
+        model.geom_bodyid[geoms], model.geom_pos[geoms], chains.matrices(model.geom_quat[geoms])
+    )
+
+
+def steps(
+    arm: Dynamics,
+    solids: Solids,
+    angles: jax.Array,
+    before: jax.Array,
+    after: jax.Array,
+    base: jax.Array,
+    yaw: jax.Array,
+) -> SolidSteps:
+    """Returns the motion of the solids of one arm in a physics step.
+
+    Args:
+        arm: the arm.
+        solids: solids of its hand.
+        angles: joint positions at the start (m,) [rad or m].
+        before, after: joint speeds at the start and at the end (m,) [rad/s or m/s].
+        base, yaw: position [m] (3,) and rotation (3, 3) of its mount.
+    """
+    pose, body = chains.poses(arm.chain, angles), solids.body
+    frame = pose.rotation[body]
+    points = base + chains.apply(yaw, pose.position[body] + chains.apply(frame, solids.position))
+    turns = chains.product(yaw, chains.product(frame, solids.rotation))
+    centers = pose.position[body] + chains.apply(frame, arm.center[body])
+    jacobians = chains.jacobians(arm.chain, pose, centers, body)
+
+    def motion(speeds):
+        parts = [chains.apply(yaw, chains.apply(own, speeds)) for own in jacobians]
+        return jnp.concatenate(parts, axis=-1)
+
+    return SolidSteps(
+        jnp.concatenate([points, quaternions(turns)], axis=-1),
+        motion(before),
+        motion((after - before) / arm.timestep),
+    )
+
+
+def quaternions(matrices: jax.Array) -> jax.Array:
+    """Returns unit quaternions (..., 4) as (w, x, y, z) of rotation matrices (..., 3, 3)."""
+    xx, yy, zz = (matrices[..., i, i] for i in range(3))
+    yz, zx, xy = (matrices[..., i, j] + matrices[..., j, i] for i, j in ((1, 2), (2, 0), (0, 1)))
+    x, y, z = (matrices[..., i, j] - matrices[..., j, i] for i, j in ((2, 1), (0, 2), (1, 0)))
+    # Each row is a multiple of the quaternion, by four times one of its entries.
+    rows = jnp.stack(
+        [
+            jnp.stack([1.0 + xx + yy + zz, x, y, z], axis=-1),
+            jnp.stack([x, 1.0 + xx - yy - zz, xy, zx], axis=-1),
+            jnp.stack([y, xy, 1.0 - xx + yy - zz, yz], axis=-1),
+            jnp.stack([z, zx, yz, 1.0 - xx - yy + zz], axis=-1),
+        ],
+        axis=-2,
+    )
+    sizes = jnp.stack([rows[..., i, i] for i in range(4)], axis=-1)
+    largest = jnp.argmax(sizes, axis=-1)[..., None, None]
+    row = jnp.take_along_axis(rows, largest, axis=-2)[..., 0, :]
+    return row / jnp.sqrt((row**2).sum(-1, keepdims=True))
