@@ -22,7 +22,7 @@ import numpy as np
 
 import softgym_mj
 from softgym_mj.robots.arm.models import ARMS
-from softgym_mj.robots.arm_batch import dynamics, inverse_kinematics, models
+from softgym_mj.robots.arm_batch import chain, dynamics, inverse_kinematics, models
 from softgym_mj.robots.arm_batch.arms import ArmBatch
 from softgym_mj.robots.base import SIM_STEP
 
@@ -67,7 +67,11 @@ def rates(
     whole = milliseconds(lambda: batch.step(state, actions[-1], SIM_STEPS))
     with jax.enable_x64(True):
         model, _ = models.dynamic_model(ARMS[arm], SIM_STEP)
-        each = functools.partial(dynamics.step, dynamics.dynamics_of(model))
+        own = dynamics.dynamics_of(model)
+
+        def each(angles, *rest):
+            return dynamics.step(own, chain.poses(own.chain, angles), angles, *rest)
+
         moves = jax.jit(jax.vmap(jax.vmap(each)))
         physics = milliseconds(lambda: moves(state.positions, state.speeds, state.positions))
         follow = jax.jit(jax.vmap(functools.partial(inverse_kinematics.follow, batch.kinematics)))

@@ -1,7 +1,5 @@
 """Physics steps of arms in batches against MuJoCo's."""
 
-import functools
-
 import jax
 import mujoco
 import numpy as np
@@ -9,7 +7,7 @@ import pytest
 
 from softgym_mj.robots.arm import bodies
 from softgym_mj.robots.arm.models import ARMS
-from softgym_mj.robots.arm_batch import dynamics, models
+from softgym_mj.robots.arm_batch import chain, dynamics, models
 from tests.robots.arms import arms_of
 
 STEPS, NUMBER = 120, 3
@@ -27,7 +25,12 @@ def test_a_physics_step_is_that_of_mujoco(arm):
     arm = ARMS[arm]
     model, _ = models.dynamic_model(arm, 0.01)
     batched = dynamics.dynamics_of(model)
-    step = jax.jit(jax.vmap(functools.partial(dynamics.step, batched)))
+
+    @jax.jit
+    @jax.vmap
+    def step(angles, *rest):
+        return dynamics.step(batched, chain.poses(batched.chain, angles), angles, *rest)
+
     random, joints = np.random.default_rng(0), len(arm.joints)
     motors = np.argsort(model.actuator_trnid[:, 0])
     angles = np.tile([*bodies.home(arm), *(2 * [arm.finger_range[1]])], (NUMBER, 1))

@@ -13,7 +13,8 @@ from softgym_mj.robots.arm import arms as cpu
 from softgym_mj.robots.arm.joint_servos import SOLVE_EVERY
 from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.arm.mounts import Mount
-from softgym_mj.robots.arm_batch import commands, dynamics, hands, inverse_kinematics, models
+from softgym_mj.robots.arm_batch import chain, commands, dynamics, hands, inverse_kinematics, models
+from softgym_mj.robots.arm_batch.chain import Pose
 from softgym_mj.robots.base import SIM_STEP
 
 
@@ -177,26 +178,29 @@ class ArmBatch:
         shut, opened = self._arm.finger_commands
         fingers = jnp.where(each[:, 3:] > 0.0, shut, opened) * jnp.ones(2)
 
-        def period(now, _):
+        def period(found, _):
+            now, pose = found
             now = self._lead(now, each[:, :3])
             ahead = now.filter.points + (SOLVE_EVERY - 1) * now.filter.step
-            found = inverse_kinematics.follow(self.kinematics, now.reference, ahead)
+            solved = inverse_kinematics.follow(self.kinematics, now.reference, ahead)
             now = now._replace(
-                reference=found.angles,
+                reference=solved.angles,
                 start=now.goal,
-                goal=found.angles + self._lags * found.speeds,
-                leader=inverse_kinematics.tools(self.kinematics, found.angles),
-                failures=now.failures + found.failed.astype(jnp.int32),
+                goal=solved.angles + self._lags * solved.speeds,
+                leader=inverse_kinematics.tools(self.kinematics, solved.angles),
+                failures=now.failures + solved.failed.astype(jnp.int32),
             )
-            return jax.lax.scan(sim_step, now, jnp.arange(SOLVE_EVERY))
+            return jax.lax.scan(sim_step, (now, pose), jnp.arange(SOLVE_EVERY))
 
-        def sim_step(now, phase):
+        def sim_step(found, phase):
+            now, pose = found
             later = self._lead(now, each[:, :3])
             now = jax.tree.map(lambda old, new: jnp.where(phase > 0, new, old), now, later)
-            now, solids = self._move(now, phase, fingers)
-            return now, (self._motion(now), solids)
+            now, pose, solids = self._move(now, pose, phase, fingers)
+            return (now, pose), (self._motion(now, pose), solids)
 
-        state, (motion, solids) = jax.lax.scan(period, state, None, sim_steps // SOLVE_EVERY)
+        begin = state, self._poses(state.positions)
+        (state, _), (motion, solids) = jax.lax.scan(period, begin, None, sim_steps // SOLVE_EVERY)
         points, rotations, velocities, openings, joints = (
             array.reshape(-1, *array.shape[2:]) for array in motion
         )
@@ -210,33 +214,40 @@ class ArmBatch:
         )
         return state._replace(filter=filtered)
 
+    def _poses(self, positions: jax.Array) -> Pose:
+        return jax.vmap(functools.partial(chain.poses, self._dynamics.chain))(positions)
+
     def _move(
-        self, state: ArmState, phase: jax.Array, fingers: jax.Array
-    ) -> tuple[ArmState, hands.SolidSteps]:
-        """Returns the state after the physics of a sim step, and the motion of solids in it.
+        self, state: ArmState, pose: Pose, phase: jax.Array, fingers: jax.Array
+    ) -> tuple[ArmState, Pose, hands.SolidSteps]:
+        """Returns state and pose after the physics of a sim step, and the motion of solids in it.
 
         Args:
             state: state of the arms.
+            pose: their pose.
             phase: sim steps since the last solution.
             fingers: commands of the fingers (n, 2) [m].
         """
+        arm, arms = self._dynamics, self.kinematics
 
         def part(moving, count):
+            pose, _, speeds = moving
             way = (phase + (count + 1.0) / self._parts) / SOLVE_EVERY
             command = (1.0 - way) * state.start + way * state.goal
             command = jnp.concatenate([command, fingers], axis=1)
-            moved = jax.vmap(functools.partial(dynamics.step, self._dynamics))(*moving, command)
-            solids = jax.vmap(functools.partial(hands.steps, self._dynamics, self._solids))(
-                *moving, moved[1], self.kinematics.base, self.kinematics.yaw
+            later, after = jax.vmap(functools.partial(dynamics.step, arm))(*moving, command)
+            solids = jax.vmap(functools.partial(hands.steps, arm, self._solids))(
+                pose, speeds, after, arms.base, arms.yaw
             )
-            return moved, solids
+            return (self._poses(later), later, after), solids
 
-        moving = state.positions, state.speeds
-        (positions, speeds), solids = jax.lax.scan(part, moving, jnp.arange(self._parts))
-        return state._replace(positions=positions, speeds=speeds), solids
+        moving = pose, state.positions, state.speeds
+        moving, solids = jax.lax.scan(part, moving, jnp.arange(self._parts))
+        pose, positions, speeds = moving
+        return state._replace(positions=positions, speeds=speeds), pose, solids
 
-    def _motion(self, state: ArmState) -> tuple[jax.Array, ...]:
+    def _motion(self, state: ArmState, pose: Pose) -> tuple[jax.Array, ...]:
         """Returns the fields of `Motion` but for the solids."""
-        joints = state.positions[:, : self._joints]
-        tools = inverse_kinematics.hands(self.kinematics, joints, state.speeds[:, : self._joints])
-        return *tools, state.positions[:, self._joints :].sum(-1), joints
+        tools = inverse_kinematics.hands(self.kinematics, self._dynamics.chain, pose, state.speeds)
+        joints, fingers = jnp.split(state.positions, [self._joints], axis=1)
+        return *tools, fingers.sum(-1), joints

@@ -15,7 +15,7 @@ import numpy as np
 
 from softgym_mj.robots.arm_batch import chain as chains
 from softgym_mj.robots.arm_batch import constraints
-from softgym_mj.robots.arm_batch.chain import Chain
+from softgym_mj.robots.arm_batch.chain import Chain, Pose
 
 # Solutions in a step, each with the limits that push in the last one. At most three differed with
 # random motions.
@@ -93,11 +93,9 @@ def dynamics_of(model: mujoco.MjModel) -> Dynamics:
     )
 
 
-def mass_and_bias(
-    arm: Dynamics, angles: jax.Array, speeds: jax.Array
-) -> tuple[jax.Array, jax.Array]:
+def mass_and_bias(arm: Dynamics, pose: Pose, speeds: jax.Array) -> tuple[jax.Array, jax.Array]:
     """Returns the mass matrix (m, m) and the forces of Coriolis and centrifugal effects (m,)."""
-    chain, pose = arm.chain, chains.poses(arm.chain, angles)
+    chain = arm.chain
     centers = pose.position + chains.apply(pose.rotation, arm.center)
     bodies = np.arange(len(arm.mass))
     linear, angular = chains.jacobians(chain, pose, centers, bodies)
@@ -126,17 +124,18 @@ def mass_and_bias(
 
 
 def step(
-    arm: Dynamics, angles: jax.Array, speeds: jax.Array, commands: jax.Array
+    arm: Dynamics, pose: Pose, angles: jax.Array, speeds: jax.Array, commands: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
     """Returns joint positions and speeds after a physics step.
 
     Args:
         arm: the arm.
+        pose: its pose at `angles`.
         angles, speeds: positions (m,) [rad or m] and speeds (m,) of the joints.
         commands: commanded positions (m,) [rad or m].
     """
     h, servos = arm.timestep, arm.servos
-    mass, bias = mass_and_bias(arm, angles, speeds)
+    mass, bias = mass_and_bias(arm, pose, speeds)
     gap = jnp.clip(commands, servos.low, servos.high) - angles
     force = servos.stiffness * gap - servos.damping * speeds
     free = (servos.weakest < force) & (force < servos.strongest)

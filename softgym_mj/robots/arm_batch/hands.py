@@ -9,6 +9,7 @@ import numpy as np
 from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.arm_batch import chain as chains
 from softgym_mj.robots.arm_batch import models
+from softgym_mj.robots.arm_batch.chain import Pose
 from softgym_mj.robots.arm_batch.dynamics import Dynamics
 
 
@@ -51,7 +52,7 @@ def solids_of(arm: Arm) -> Solids:
 def steps(
     arm: Dynamics,
     solids: Solids,
-    angles: jax.Array,
+    pose: Pose,
     before: jax.Array,
     after: jax.Array,
     base: jax.Array,
@@ -62,11 +63,11 @@ def steps(
     Args:
         arm: the arm.
         solids: solids of its hand.
-        angles: joint positions at the start (m,) [rad or m].
+        pose: its pose at the start.
         before, after: joint speeds at the start and at the end (m,) [rad/s or m/s].
         base, yaw: position [m] (3,) and rotation (3, 3) of its mount.
     """
-    pose, body = chains.poses(arm.chain, angles), solids.body
+    body = solids.body
     frame = pose.rotation[body]
     points = base + chains.apply(yaw, pose.position[body] + chains.apply(frame, solids.position))
     turns = chains.product(yaw, chains.product(frame, solids.rotation))

@@ -118,23 +118,23 @@ def tools(arms: Kinematics, angles: jax.Array) -> jax.Array:
 
 
 def hands(
-    arms: Kinematics, angles: jax.Array, speeds: jax.Array
+    arms: Kinematics, chain: Chain, pose: chains.Pose, speeds: jax.Array
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Returns positions, rotations and velocities (arms, 3) [m/s] of tools in the world.
 
     Args:
         arms: the arms.
-        angles, speeds: joint angles (arms, m) [rad] and speeds (arms, m) [rad/s].
+        chain: links and joints with the same bodies as those of `arms`.
+        pose: poses of this chain, of all arms.
+        speeds: speeds of its joints (arms, m) [rad/s or m/s].
     """
 
     def one(own, rates):
-        pose = chains.poses(arms.chain, own)
-        point, rotation = _tool(arms, pose)
-        body = np.array([arms.tool_body])
-        linear, _ = chains.jacobians(arms.chain, pose, point[None], body)
+        point, rotation = _tool(arms, own)
+        linear, _ = chains.jacobians(chain, own, point[None], np.array([arms.tool_body]))
         return point, rotation, chains.apply(linear[0], rates)
 
-    points, rotations, velocities = jax.vmap(one)(angles, speeds)
+    points, rotations, velocities = jax.vmap(one)(pose, speeds)
     turned = chains.product(arms.yaw, rotations)
     return to_world(arms, points), turned, chains.apply(arms.yaw, velocities)
 
