@@ -42,7 +42,7 @@ def lissajous(steps: int) -> np.ndarray:
 
 
 def scene(
-    kind: str, arm: str, number: int = 1, action: str = "position"
+    kind: str, arm: str, number: int = 1, action: str = "position", timestep: float = SIM_STEP
 ) -> tuple[mujoco.MjModel, mujoco.MjData, Arms]:
     """Arms, acting as `action` says, and an object that lies out of reach."""
     target = Cloth(dims=(20, 20), fidelity="fast") if kind == "cloth" else Rope("fast")
@@ -50,7 +50,7 @@ def scene(
     arena.attach(target)
     arms.join(arena)
     arms.manipulate(target)
-    physics = arena.compile(target.timestep, target, arms)
+    physics = arena.compile(min(timestep, target.timestep), target, arms)
     vertices = target.points() + [2.0, 0.0, 0.0]
     vertices[:, 2] = target.radius
     target.set_points(vertices)
