@@ -180,6 +180,32 @@ def test_solids_of_hands_move_as_in_environments():
                 np.testing.assert_allclose(accelerations, jacobians @ change, atol=1e-3)
 
 
+def test_an_environment_goes_on_from_a_batch():
+    scenes = [Scene("franka", 2, seed) for seed in range(3)]
+    batch = batch_like(scenes[0].arms, scenes[0].model.opt.timestep)
+    state = batch.stack([batch.read(scene.arms) for scene in scenes])
+    actions = np.random.default_rng(2).uniform(-1.0, 1.0, (6, 3, 8))
+    for action in actions[:3]:
+        state, _ = batch.step(state, action, SIM_STEPS)
+    later, arms = scenes[0], scenes[0].arms  # Takes the place of environment 1.
+    states = arms.get_state() | batch.get_state(state, 1)
+    servos, fingers = arms.servos, arms.servos.fingers
+    joints = len(servos.joints)
+    for array, found, own, hands in (
+        (later.data.qpos, state.positions, servos.positions_at, fingers.positions_at),
+        (later.data.qvel, state.speeds, servos.speeds_at, fingers.speeds_at),
+    ):
+        array[own] = np.asarray(found)[1, :, :joints].ravel()
+        array[hands] = np.asarray(found)[1, :, joints:]
+    arms.set_state(states)
+    row = batch.read(arms)
+    np.testing.assert_array_equal(row["rates"], np.asarray(state.rates)[1])
+    for action in actions[3:]:
+        state, motion = batch.step(state, action, SIM_STEPS)
+        later.step(action[1])
+    np.testing.assert_allclose(np.asarray(motion.points)[-1, 1], arms.positions(), atol=1e-6)
+
+
 def test_runs_give_the_same_bits_and_environments_do_not_touch_each_other():
     scenes = [Scene("franka", 2, seed) for seed in range(3)]
     batch = batch_like(scenes[0].arms, scenes[0].model.opt.timestep)

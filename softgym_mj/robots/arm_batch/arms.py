@@ -23,7 +23,8 @@ class ArmState(NamedTuple):
 
     Attributes:
         positions, speeds: joints, then fingers (num_envs, n, m + 2) [rad and m, and each second].
-        reference: joint angles of the controller's reference (num_envs, n, m) [rad].
+        reference, rates: joint angles of the controller's reference and the speeds that led there
+            (num_envs, n, m) [rad], [rad/s].
         start, goal: commands of the servos at the last solution and at the next (num_envs, n, m)
             [rad].
         filter: command filter; arrays (num_envs, n, 3).
@@ -35,6 +36,7 @@ class ArmState(NamedTuple):
     positions: jax.Array
     speeds: jax.Array
     reference: jax.Array
+    rates: jax.Array
     start: jax.Array
     goal: jax.Array
     filter: commands.Filter
@@ -127,6 +129,7 @@ class ArmBatch:
             "positions": joined(data.qpos, servos.positions_at, fingers.positions_at),
             "speeds": joined(data.qvel, servos.speeds_at, fingers.speeds_at),
             "reference": state["configuration"].reshape(number, -1),
+            "rates": state["velocity"].reshape(number, -1),
             "start": state["servo"][0].reshape(number, -1),
             "goal": state["servo"][1].reshape(number, -1),
             "commanded": commanded,
@@ -148,6 +151,21 @@ class ArmBatch:
             own = {name: np.stack([row[name] for row in rows]) for name in rows[0]}
             filtered = commands.Filter(*(own.pop(name) for name in commands.Filter._fields))
             return jax.device_put(ArmState(filter=filtered, **own), device or jax.devices()[0])
+
+    def get_state(self, state: ArmState, i: int) -> dict[str, np.ndarray]:
+        """Returns entries of `Arms.get_state` of environment `i`: all but those of grips.
+
+        Joints are not part of it.
+        """
+        own: ArmState = jax.tree.map(lambda array: np.asarray(array)[i], state)
+        return {
+            "configuration": own.reference.ravel(),
+            "velocity": own.rates.ravel(),
+            "failures": own.failures.astype(int),
+            "phase": np.array(SOLVE_EVERY - 1),
+            "servo": np.array([own.start.ravel(), own.goal.ravel()]),
+            "filter": np.array(own.filter),
+        }
 
     def step(self, state: ArmState, actions: Any, sim_steps: int) -> tuple[ArmState, Motion]:
         """Returns state and motion of an env step.
@@ -185,6 +203,7 @@ class ArmBatch:
             solved = inverse_kinematics.follow(self.kinematics, now.reference, ahead)
             now = now._replace(
                 reference=solved.angles,
+                rates=solved.speeds,
                 start=now.goal,
                 goal=solved.angles + self._lags * solved.speeds,
                 leader=inverse_kinematics.tools(self.kinematics, solved.angles),
