@@ -3,14 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "cloth/plugin/method.h"
 #include "native/flex.h"
 #include "native/pose.h"
 
 namespace softgym_mj::cloth {
 namespace {
-
-// [1/kg] A body of lower compliance, such as a picker, counts as kinematic: flexes do not push it.
-constexpr double kImmovable = 1e-3;
 
 // Factor of rotational inertia of a body whose rotation a weld to a vertex, which MuJoCo solves, prevents.
 constexpr double kLocked = 1e4;
@@ -229,7 +227,7 @@ Body* Bodies::Find(int id) {
     PointAcceleration(m_, d_, id, body.center, qvel_, nullptr, turning);
     for (int k = 0; k < 6; ++k) body.acceleration[k] += turning[k];
   }
-  body.gives_way = body.inverse_mass > kImmovable;
+  body.gives_way = body.inverse_mass > kYields;
   body.rigid.gives_way = body.gives_way;
   if (!body.gives_way) std::fill(&c[0][0], &c[0][0] + 36, 0.0);
   for (int k = 0; k < 6; ++k) body.rigid.move[k] = h_ * body.velocity[k];

@@ -11,8 +11,6 @@
 namespace softgym_mj::cloth {
 namespace {
 
-// Pairs with a gap above this share of the thickness exert no force yet.
-constexpr float kNotYet = 0.01f;
 // Coincident or very fast vertices form pairs of all with all: 64 x 64 vertices have 100 million. The search is limited
 // to this number of overlapping boxes, 8 bytes each. Pairs that may touch are limited to kMostPairs or, for larger
 // cloth, to kMostOfVertex per vertex on average, several times the number of a pile: each takes about 200 bytes, and up

@@ -21,6 +21,30 @@ constexpr int kRopeSolves = 2;           // Newton steps per alternation: an err
 constexpr double kPlaneMargin = 0.02;    // [m] Vertices this much beyond two steps of motion cannot reach a plane.
 constexpr double kSolidMargin = 0.002;   // [m] Added to the distance that can be covered in a step.
 constexpr double kVelocityMargin = 0.2;  // [m/s] Largest increase of a body's speed within a step.
+// [1/kg] A body of lower compliance, such as a picker, counts as kinematic: flexes do not push it.
+constexpr double kYields = 1e-3;
+constexpr double kLight = 5;  // [kg] Contacts of lighter bodies need a warm start from substep to substep.
+// Warm start: share of its last impulse with which a contact near a light body starts a substep. It transmits the
+// body's weight through layers to the floor.
+constexpr float kWarm = 0.9f;
+// Bodies of this bounding radius [m] count as small: pads of grippers.
+constexpr double kSmall = 0.05;
+// [m] Thickness of cloth against small bodies, so that a gripper pad fits between floor and cloth.
+constexpr double kThin = 0.002;
+// [m] Distance of fixed contact points on triangles against small bodies: the nearest point of a triangle would jump
+// between the ends of a flat pad.
+constexpr double kPointDistance = 0.0075;
+// [m] Cloth that moves further in a step has fixed contact points against all solids: a triangle stopped only at its
+// nearest point keeps rotating about it, in particular at thin solids.
+constexpr double kHasty = 0.1;
+constexpr int kMostPoints = 16;  // Largest number of fixed points along an edge.
+// [m] Distance from a small body within which points store their entry face: they may be inside in the next step.
+constexpr float kRemembered = 5e-4f;
+constexpr int kFaces = 8;       // Number of face codes in a stored number, which is never 0.
+constexpr int kNumSides = 256;  // Stored numbers.
+// Pairs with a gap above this share of the thickness exert no force yet.
+constexpr float kNotYet = 0.01f;
+constexpr int kLifts = 3;  // Largest number of searches for solids along motion changed by impact zones.
 // Substeps between searches for the nearest points of triangles to solids, if nothing moves further than kSearchWay [m]
 // in them.
 constexpr int kSearchInterval = 5;

@@ -3,16 +3,10 @@
 #include <algorithm>
 #include <vector>
 
+#include "cloth/plugin/method.h"
 #include "cloth/plugin/solids.h"
 
 namespace softgym_mj::cloth {
-namespace {
-
-// [m] Distance from a small body within which points store their entry face: they may be inside in the next step.
-constexpr float kRemembered = 5e-4f;
-constexpr int kFaces = 8;  // Number of face codes in a stored number, which is never 0.
-
-}  // namespace
 
 // Returns the entry face of a point; -1 if it was outside.
 float Solids::SideOf(double key) const {

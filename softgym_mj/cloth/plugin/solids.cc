@@ -14,18 +14,6 @@ namespace {
 // the floor or another body instead of tearing it.
 constexpr double kMostForce = 0.1;
 constexpr double kShortWay = 0.1;  // [m] Bodies nearer than this are always checked, at any speed.
-constexpr double kLight = 5;       // [kg] Contacts of lighter bodies need a warm start from substep to substep.
-// Bodies of this bounding radius [m] count as small: pads of grippers.
-constexpr double kSmall = 0.05;
-// [m] Thickness of cloth against small bodies, so that a gripper pad fits between floor and cloth.
-constexpr double kThin = 0.002;
-// [m] Distance of fixed contact points on triangles against small bodies: the nearest point of a triangle would jump
-// between the ends of a flat pad.
-constexpr double kPointDistance = 0.0075;
-// [m] Cloth that moves further in a step has fixed contact points against all solids: a triangle stopped only at its
-// nearest point keeps rotating about it, in particular at thin solids.
-constexpr double kHasty = 0.1;
-constexpr int kMostPoints = 16;  // Largest number of fixed points along an edge.
 // Largest number of rows; each takes 150 bytes, or eight times that if many share a vertex. A fast cloth of 40 x 40
 // vertices on twenty solids needs as many.
 constexpr int kMostRows = 1 << 19;

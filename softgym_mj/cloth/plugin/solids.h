@@ -43,9 +43,6 @@ std::string CheckGeoms(const mjModel* m, const Mesh& mesh);
 
 class Solids {
  public:
-  // Numbers in mjData that store the entry faces of points inside small bodies.
-  static constexpr int kNumSides = 256;
-
   // Finds features that may touch in a step with substeps of h [s]. `sides`: result of `KeepSides`.
   void Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cloth::Start& start, const mjtNum* qvel,
              const mjtNum* sides, double h);

@@ -11,12 +11,8 @@ namespace softgym_mj::cloth {
 namespace {
 
 constexpr double kRecovery = 1;  // [m/s] Largest speed of recovery from overlaps.
-constexpr int kLifts = 3;        // Largest number of searches for solids along motion changed by impact zones.
 // Stiffness of planes relative to other contacts; they are solved last, so that no other row undoes them.
 constexpr float kFirm = 5;
-// Warm start: share of its last impulse with which a contact near a light body starts a substep. It transmits the
-// body's weight through layers to the floor.
-constexpr float kWarm = 0.9f;
 
 }  // namespace
 

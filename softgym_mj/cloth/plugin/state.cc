@@ -2,15 +2,14 @@
 
 #include <algorithm>
 
-#include "cloth/plugin/solids.h"
+#include "cloth/plugin/method.h"
 #include "native/reset.h"
 
 namespace softgym_mj::cloth {
 
 // One number, three per vertex, one per edge, one per vertex, four per pair, and the entry faces.
 int StateSize(const mjModel* m) {
-  return 1 + (4 + 4 * Kept::kPairs) * static_cast<int>(m->nflexvert) + static_cast<int>(m->nflexedge) +
-         Solids::kNumSides;
+  return 1 + (4 + 4 * Kept::kPairs) * static_cast<int>(m->nflexvert) + static_cast<int>(m->nflexedge) + kNumSides;
 }
 
 int TwistSize(const mjModel* m, bool twists) { return twists ? static_cast<int>(m->nflex) : 0; }
@@ -40,7 +39,7 @@ Kept StateOf(const mjModel* m, mjData* d, int instance, const Mesh& mesh, const 
 }
 
 mjtNum* SidesOf(const mjModel* m, mjData* d, int instance) {
-  return d->plugin_state + m->plugin_stateadr[instance] + StateSize(m) - Solids::kNumSides;
+  return d->plugin_state + m->plugin_stateadr[instance] + StateSize(m) - kNumSides;
 }
 
 mjtNum* TwistOf(const mjModel* m, const mjData* d, int instance) {
