@@ -6,6 +6,7 @@
 #include "cloth/batch/environment.h"
 #include "cloth/batch/finish.h"
 #include "cloth/batch/layers.h"
+#include "cloth/batch/plane.h"
 #include "cloth/batch/springs.h"
 #include "cloth/batch/touch.h"
 #include "cloth/batch/twists.h"
@@ -105,21 +106,6 @@ inline void StartPoints(const Environment& w) {
     }
     w.points.now[4 * v + 3] = w.points.before[4 * v + 3] = mass;
     w.points.drift[4 * v + 3] = w.points.bent_drift[4 * v + 3] = 0;
-  });
-}
-
-inline void StartPlane(const Environment& w) {
-  const Model& m = *w.model;
-  Each(m.padded / kBlock, [&](int b) { w.plane_near[b] = 0; });
-  Each(m.vertices, [&](int v) {
-    double gap = -m.radius, speed = 0;
-    for (int k = 0; k < 3; ++k) {
-      gap += m.plane_normal[k] * (w.start[3 * v + k] - m.plane_point[k]);
-      speed += w.velocity[3 * v + k] * w.velocity[3 * v + k];
-    }
-    w.plane_gap[v] = static_cast<float>(gap);
-    w.plane_friction[v] = m.plane_friction;
-    if (gap < 2 * m.timestep * std::sqrt(speed) + kPlaneMargin) SetBits(&w.plane_near[v / kBlock], 1);
   });
 }
 
