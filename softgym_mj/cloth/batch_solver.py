@@ -17,6 +17,7 @@ from softgym_mj.batch.solver import Array
 from softgym_mj.exceptions import InvalidArgumentError
 
 KEPT_PAIRS = 2  # The same number as in batch/environment.h.
+SIDES = 256  # The same number as in plugin/method.h.
 EDGES_OF_VERTEX = 3  # Largest ratio of edges to vertices of a surface.
 # Bits of `flags`: the state is not finite, or there was no room for all candidates, pairs, rows or
 # colors, so that some contacts were left out.
@@ -26,8 +27,8 @@ NOT_FINITE, CANDIDATES_FULL, PAIRS_FULL, ROWS_FULL, COLORS_FULL = (1 << i for i 
 class SolidMotion(NamedTuple):
     """Motion of solids in a step, in the world frame.
 
-    A body moves as in the plugin: from velocities at the start of the step, with accelerations. All
-    solids of a body have its velocities.
+    A body moves as in the plugin: from velocities at the start of the step, with accelerations, and
+    by the impulses of the flex if it weighs less than 1 t. All solids of a body have its numbers.
 
     Attributes:
         poses: Positions [m] and quaternions (w, x, y, z) of the solids' geoms at the start of the
@@ -37,12 +38,20 @@ class SolidMotion(NamedTuple):
         accelerations: Mean accelerations of both in the step (num_envs, solids, 6) [m/s^2],
             [rad/s^2].
         touching: Whether solids push the flex, or pass through it (num_envs, solids).
+        jacobians: Velocities and angular velocities of the centers of mass by speeds of the degrees
+            of freedom of each body's kinematic tree (num_envs, solids, 6, dofs). Zeros fill unused
+            ones.
+        responses: Speeds by impulses and angular impulses on these centers (num_envs, solids, dofs,
+            6): `jacobians` transposed, times the inverse of the tree's inertia, which includes
+            servos (as in plugin/bodies.cc). Zeros for a body that the flex does not move.
     """
 
     poses: Array
     velocities: Array
     accelerations: Array
     touching: Array
+    jacobians: Array = 0.0
+    responses: Array = 0.0
 
 
 def describe(
@@ -55,7 +64,7 @@ def describe(
 
     Args:
         model: Model with one flex that the plugin moves, over a plane.
-        grippers: Ids of geoms with prescribed motion: spheres of one radius.
+        grippers: Ids of geoms with prescribed motion: spheres; -1 for a gripper that only holds.
         room: Room for contacts, relative to the number that piles need.
         solids: Ids of further geoms that move as told: spheres, capsules, ellipsoids, cylinders and
             boxes. Grippers and then solids are in the order of their ids, in which they push.
@@ -65,7 +74,7 @@ def describe(
     """
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data)  # Initializes the plugin's state.
-    ids = np.array([*grippers, *(-1 - solid for solid in solids)])
+    ids = np.array([*grippers, *(-2 - solid for solid in solids)])
     return solver.describe("cloth", model, data, ids, ctypes.c_double(room))
 
 
@@ -83,6 +92,10 @@ class ClothBatchSolver(solver.BatchSolver):
         twist: Twist angle of a rope that twists (num_envs, 1) [rad].
         solid_forces: Force of the flex on each solid, mean of the last step, and its torque about
             the center of mass of the solid's body (num_envs, solids, 6) [N], [N m].
+        solid_impulses: Sum J of the impulses of all substeps on a body that gives way, times their
+            length, and sum K of J after each of them, at the body's first solid (num_envs, solids,
+            2, 6). batch/README.md has the formulas for its speeds and coordinates.
+        sides: Faces of solids through which points have entered them (num_envs, `SIDES`).
     """
 
     kind = "cloth"
@@ -97,6 +110,7 @@ class ClothBatchSolver(solver.BatchSolver):
         "gripper_qpos": ("grippers", 3),
         "gripper_qvel": ("grippers", 3),
         "twist": (1,),
+        "sides": ("faces",),
     }
     inputs = {  # noqa: RUF012
         "targets": ("grippers", (3,), "float64"),
@@ -107,9 +121,15 @@ class ClothBatchSolver(solver.BatchSolver):
         "accelerations": ("solids", (6,), "float64"),
         "touching": ("solids", (), "int32"),
     }
-    outputs = {"solid_forces": ("solids", (6,), "float64")}  # noqa: RUF012
+    outputs = {  # noqa: RUF012
+        "solid_forces": ("solids", (6,), "float64"),
+        "solid_impulses": ("solids", (2, 6), "float64"),
+    }
     exact = ("grippers", "solids")
-    last = ("twist", *SolidMotion._fields, "solid_forces", "solids")
+    last = (
+        *("twist", "poses", "velocities", "accelerations", "touching", "solid_forces", "sides"),
+        *("jacobians", "responses", "solid_impulses", "solids", "faces", "dofs"),
+    )
     valid: Array
     qpos: Array
     qvel: Array
@@ -120,7 +140,9 @@ class ClothBatchSolver(solver.BatchSolver):
     gripper_qpos: Array
     gripper_qvel: Array
     twist: Array
+    sides: Array
     solid_forces: Array
+    solid_impulses: Array
 
     def __init__(
         self,
@@ -129,6 +151,7 @@ class ClothBatchSolver(solver.BatchSolver):
         grippers: int,
         device: Device | None = None,
         solids: int = 0,
+        dofs: int = 0,
     ):
         """Allocates zeros, without models.
 
@@ -138,9 +161,21 @@ class ClothBatchSolver(solver.BatchSolver):
             grippers: Grippers of each model.
             device: Device of the arrays; None means this processor.
             solids: Solids of each model.
+            dofs: Most degrees of freedom of a kinematic tree with solids; 0 if the flex moves none.
         """
-        edges = EDGES_OF_VERTEX * vertices
-        sizes = {"vertices": vertices, "edges": edges, "grippers": grippers, "solids": solids}
+        jacobians = {
+            "jacobians": ("solids", (6, dofs), "float64"),
+            "responses": ("solids", (dofs, 6), "float64"),
+        }
+        self.inputs = {**self.inputs, **jacobians}
+        sizes = {
+            "vertices": vertices,
+            "edges": EDGES_OF_VERTEX * vertices,
+            "grippers": grippers,
+            "solids": solids,
+            "faces": SIDES if solids else 0,
+            "dofs": dofs,
+        }
         super().__init__(num_envs, sizes, device)
 
     def get_state(self, i: int) -> dict[str, np.ndarray]:

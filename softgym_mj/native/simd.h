@@ -320,6 +320,8 @@ template <class F>
 inline void OneLane(F f) {
   if (Lane() == 0) f();
 }
+// Waits for all lanes.
+inline void WaitLanes() { __syncwarp(0xffu << threadIdx.x % 32 / kLanes * kLanes); }
 #else
 // Calls f(lane) for all lanes in order.
 template <class F>
@@ -331,6 +333,7 @@ template <class F>
 inline void OneLane(F f) {
   f();
 }
+inline void WaitLanes() {}
 #endif
 
 // The same operations on one float, for code that is generic in T.

@@ -1,12 +1,13 @@
 """Solids of `ClothBatchSolver`, whose oracle is the plugin: the same bits."""
 
+import mujoco
 import numpy as np
 import pytest
 
 from softgym_mj.batch.device import CpuDevice
 from softgym_mj.cloth.batch_solver import describe
 from softgym_mj.exceptions import InvalidArgumentError
-from tests.cloth.flex_scene import WOVEN, rope, sheet, straight
+from tests.cloth.flex_scene import WOVEN, model_xml, rope, sheet, straight
 from tests.cloth.pushed import Pushed, body
 
 # Shapes, one as large as the other.
@@ -60,6 +61,46 @@ def test_solids_push_as_in_the_plugin(flex, shape):
     assert solver.flags[0] == 0
 
 
+def pad(mass: float, size: float = 1.0) -> Pushed:
+    """A turned box over a flat cloth, as thin as a hand's pad if `size` is 1."""
+    half = " ".join(str(size * x) for x in (0.01, 0.004, 0.01))
+    geom = f'name="a" type="box" size="{half}"'
+    flat = sheet(9, 11, fabric=WOVEN)
+    return Pushed(flat, body("a", (0.0, 0.01, 0.03), mass, geom, turn=TURN), solids="a")
+
+
+@pytest.mark.parametrize("mass", [20.0, 0.3])
+@pytest.mark.parametrize("size", [1.0, 5.0])
+def test_bodies_that_give_way_push_and_are_pushed_as_in_the_plugin(mass, size):
+    pushed = pad(mass, size)
+    solver, pushes, faces = pushed.solver(), 0, 0
+    for _ in range(50):
+        motion = pushed.push({"a": (0.05, 0.0, -0.1, 0.0, 0.0, 0.0)})
+        solver.step(*NONE, motion)
+        pushed.check(solver)
+        pushed.bodies.check(solver, motion)
+        own = pushed.forces()
+        np.testing.assert_allclose(solver.solid_forces[0, :, :3], own, rtol=0.0, atol=1e-12)
+        pushes, faces = pushes + solver.solid_impulses.any(), faces + solver.sides.any()
+    assert pushes > 20
+    assert (faces > 5) == (size == 1.0)
+    assert solver.flags[0] == 0
+
+
+def test_a_state_with_solids_continues_in_any_environment():
+    pushed, twin = pad(0.3), pad(0.3).solver()
+    solver = pushed.solver()
+    for i in range(40):
+        if i == 30:
+            assert solver.sides.any()
+            twin.set_state(0, solver.get_state(0))
+        motion = pushed.push({"a": (0.05, 0.0, -0.1, 0.0, 0.0, 0.0)})
+        solver.step(*NONE, motion)
+        twin.step(*NONE, motion)
+    np.testing.assert_array_equal(twin.qpos, solver.qpos)
+    pushed.check(twin)
+
+
 def test_a_solid_beside_the_center_of_mass_pushes_as_in_the_plugin():
     geoms = (
         f'name="a" {SHAPES["box"]} pos=".03 0 0"',
@@ -101,6 +142,10 @@ def test_solids_that_do_not_fit_are_refused():
     for solids, message in ((pushed.solids[::-1], "in the order"), ([0], "expected spheres, ")):
         with pytest.raises(InvalidArgumentError, match=message):
             describe(pushed.model, [], solids=solids)
+    still = '<body mocap="true"><geom name="still" type="sphere" size=".01"/></body>'
+    model = mujoco.MjModel.from_xml_string(model_xml(FLEXES["rope"], scenery=still))
+    with pytest.raises(InvalidArgumentError, match="bodies with joints"):
+        describe(model, [], solids=[model.geom("still").id])
     with pytest.raises(InvalidArgumentError, match="motion"):
         pushed.solver().step(*NONE)
     with pytest.raises(InvalidArgumentError, match="'solids': 1"):

@@ -141,6 +141,7 @@ Group& Own() { return *groups[threadIdx.x / kGroup]; }
 
 void __syncthreads() { block->arrive_and_wait(); }
 void __syncwarp() { block->arrive_and_wait(); }  // There is one warp.
+void __syncwarp(unsigned) { Own().barrier.arrive_and_wait(); }  // Of eight threads.
 
 unsigned __ballot_sync(unsigned, bool vote) {
   Group& group = Own();

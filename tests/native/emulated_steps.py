@@ -1,6 +1,8 @@
 """Makes steps of a task's environments, and draws them, by a library in place of the package's.
 
 python -m tests.native.emulated_steps LIBRARY TASK VARIATION STEPS
+
+TASK "arms" stands for an arm whose pads push a cloth.
 """
 
 import ctypes
@@ -12,6 +14,7 @@ import numpy as np
 import softgym_mj
 from softgym_mj.batch.device import CpuDevice
 from softgym_mj.rendering.batch import Pictures, describe
+from tests.cloth import test_batch_arms as arms
 from tests.cloth import test_batch_solver as cloth
 from tests.fluid import test_batch_solver as water
 
@@ -49,6 +52,26 @@ def step_and_check(file, task, variation, steps):
     assert solver.flags[0] == 0
 
 
+def push_and_check(file, steps):
+    """Makes some sim steps from the first push of an arm's hand on; as the package's library."""
+    followed = arms._Followed("fold_crumpled_cloth", "sawyer", "friction", 803)
+    solver, emulated, number = followed.solver, followed.new(_Emulated(file)), 0
+    state = solver.get_state(0)
+    for told in followed.steps(6):
+        if solver.solid_impulses.any():
+            emulated.set_state(0, state)
+            emulated.step(*told)
+            for name, array in solver.get_state(0).items():
+                np.testing.assert_array_equal(emulated.get_state(0)[name], array, err_msg=name)
+            np.testing.assert_array_equal(emulated.solid_impulses, solver.solid_impulses)
+            np.testing.assert_array_equal(emulated.solid_forces, solver.solid_forces)
+            number += 1
+        if number == steps:
+            return
+        state = solver.get_state(0)
+    raise AssertionError(f"{number} pushes")
+
+
 def draw_and_check(file, task, variation):
     """Draws a variation's start; the picture is that of the package's program."""
     env = softgym_mj.load(task, split="all", fidelity="fast")
@@ -66,5 +89,8 @@ def draw_and_check(file, task, variation):
 
 if __name__ == "__main__":
     library, name, index, number = sys.argv[1:]
-    step_and_check(library, name, int(index), int(number))
-    draw_and_check(library, name, int(index))
+    if name == "arms":
+        push_and_check(library, int(number))
+    else:
+        step_and_check(library, name, int(index), int(number))
+        draw_and_check(library, name, int(index))

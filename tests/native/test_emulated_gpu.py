@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from tests.native.emulated_steps import draw_and_check, step_and_check
+from tests.native.emulated_steps import draw_and_check, push_and_check, step_and_check
 
 SOURCE = pathlib.Path(__file__).with_name("emulated_gpu.cc")
 ROOT = SOURCE.parents[2]
@@ -43,6 +43,10 @@ def test_a_block_makes_the_steps_of_the_plugin(emulated, task, variation):
     step_and_check(emulated, task, variation, OF_WATER if "water" in task else STEPS)
 
 
+def test_a_block_lets_hands_push_as_a_thread_does(emulated):
+    push_and_check(emulated, 3)
+
+
 @pytest.mark.parametrize("task", ["straighten_rope", "drop_cloth", "pour_water"])
 def test_a_block_draws_the_same(emulated, task):
     draw_and_check(emulated, task, 806)
@@ -60,7 +64,7 @@ def test_threads_of_a_block_do_not_race(tmp_path):
         "TSAN_OPTIONS": "exitcode=0",
         "PYTHONPATH": str(ROOT),
     }
-    for task, variation in CASES:
+    for task, variation in [*CASES, ("arms", 803)]:
         command = [sys.executable, "-m", "tests.native.emulated_steps"]
         outcome = subprocess.run(
             [*command, file, task, str(variation), "1"], env=environment, cwd=ROOT,

@@ -7,6 +7,7 @@
 #include "batch/memory.h"
 #include "cloth/batch/model.h"
 #include "cloth/plugin/kernels.h"
+#include "cloth/plugin/method.h"
 #include "cloth/plugin/rigid.h"
 
 namespace softgym_mj::cloth {
@@ -29,9 +30,13 @@ struct Rows {
   int begin[kMostColors + 1], filled[kMostColors];
 };
 
-// A gripper, or a body of solids, during a step.
+// A gripper, or a body of solids, during a step; as `Body` of the plugin.
 struct Mover {
   Rigid rigid;
+  int tree, touched;
+  double inverse_mass;
+  double impulse[6], moved[6];
+  const double *jacobian, *response;
   double center[3];  // Center of mass at the start of the step [m].
   Displacement so_far;
   double acceleration[6];
@@ -41,7 +46,12 @@ struct Mover {
 struct Touch {
   Geom geom;
   double offset[3], matrix[9];  // Pose relative to the center of mass at the start of the step.
+  // Whether it is small, has fixed contact points on elements, and may push a body that gives way.
+  int small, fixed, pushes;
+  int room;  // Largest number of rows of points.
   Rows points, triangles;
+  float* weight;  // (room, 3) Weights of points, and keys (room,) of their entry faces; null for grippers.
+  double* key;
   SolidBlock *point_blocks, *triangle_blocks;
 };
 
@@ -56,7 +66,11 @@ struct Step {
   int moves, changed, lifted;
   float furthest;
   double fastest, mean[3];
-  Rows layers;
+  // Whether bodies that give way may be touched, also light ones, and whether rows near them are swept repeatedly.
+  int touches_bodies, touches_light, repeats;
+  int num_sides;
+  double low[3], high[3];  // Box around the vertices [m].
+  Rows layers, near_layers[2];
 };
 
 struct Environment {
@@ -65,11 +79,15 @@ struct Environment {
   // vertices (grippers, 3) [m].
   const double *targets, *goals;
   const int* held;
-  // Solids: poses (solids, 7), velocities of the centers of mass of their bodies (solids, 6), their accelerations, and
+  // Solids: poses (solids, 7), velocities of the centers of mass of their bodies (solids, 6), their accelerations,
+  // Jacobians of these (solids, 6, dofs) and responses of the degrees of freedom to impulses (solids, dofs, 6), and
   // whether they touch the flex.
-  const double *poses, *velocities, *accelerations;
+  const double *poses, *velocities, *accelerations, *jacobians, *responses;
   const int* touching;
-  double* solid_forces;  // Output: mean force and torque on each solid in the step (solids, 6).
+  int dofs;
+  // Outputs: mean force and torque on each solid in the step (solids, 6), and impulses on its body (solids, 2, 6).
+  double *solid_forces, *solid_impulses;
+  double* sides;  // State: entry faces (kNumSides,) of points inside small solids.
 
   // State: `valid` is 1 once the other arrays are valid (Kept). Grippers (grippers, 3) [m], [m/s].
   double *valid, *qpos, *qvel, *reference, *after_edge, *holding_force, *after_layers;
@@ -97,7 +115,11 @@ struct Environment {
   Boxes *vertex_leaves, *triangle_leaves, *edge_leaves;        // Boxes of leaves.
   float* normals;
   Pair *found, *pairs;
-  LayerBlock* layers;
+  LayerBlock *layers, *near_layers[2];
+  // Pairs: group, and the pair of each row of a group; vertices: whether they are near bodies that give way.
+  int *group, *pair_of, *near_vertex, *next_near, *plane_repeats;
+  float* plane_impulse;
+  double* found_sides;
   Key* best;
   Key* taken;
   Mover* bodies;
@@ -127,6 +149,42 @@ inline void TakeKept(const Model& model, Memory* memory, Environment* w) {
   memory->Take(&w->high, 4 * model.padded);
   memory->Take(&w->triangle_candidates, 2 * model.candidates);
   memory->Take(&w->edge_candidates, 2 * model.candidates);
+}
+
+// Allocates memory for rows near bodies that give way.
+inline void TakeNear(const Model& model, Memory* memory, Environment* w) {
+  memory->Take(&w->group, model.rows);
+  memory->Take(&w->pair_of, 3 * model.rows);
+  memory->Take(&w->near_vertex, model.padded);
+  memory->Take(&w->next_near, model.padded);
+  memory->Take(&w->plane_repeats, model.padded / kBlock);
+  memory->Take(&w->plane_impulse, 4 * model.padded);
+  memory->Take(&w->found_sides, (model.points + model.vertices) * model.solids);
+  for (int g = 0; g < 2; ++g) {
+    TakeRows(memory, model.rows, 4, kMostColors, w->step ? &w->step->near_layers[g] : nullptr);
+    LayerBlock* blocks;
+    memory->Take(&blocks, Blocks(model.rows, kMostColors));
+    w->near_layers[g] = blocks;
+  }
+}
+
+// Allocates memory for the rows of a gripper or solid.
+inline void TakeTouch(const Model& model, bool solid, Memory* memory, Touch* touch) {
+  const int n = model.vertices + (solid ? model.points : 0), colors = solid ? kMostColors : kMeshColors;
+  const int elements = model.is_surface ? model.triangles : model.edges;
+  float* weight;
+  double* key;
+  SolidBlock *point_blocks, *triangle_blocks;
+  TakeRows(memory, n, 3, colors, touch ? &touch->points : nullptr);
+  TakeRows(memory, elements, 3, kMeshColors, touch ? &touch->triangles : nullptr);
+  memory->Take(&weight, solid ? 3 * n : 0);
+  memory->Take(&key, solid ? n : 0);
+  memory->Take(&point_blocks, Blocks(n, colors));
+  memory->Take(&triangle_blocks, Blocks(elements, kMeshColors));
+  if (!touch) return;
+  touch->room = n;
+  touch->weight = weight, touch->key = key;
+  touch->point_blocks = point_blocks, touch->triangle_blocks = triangle_blocks;
 }
 
 // Allocates scratch memory, which contains `Rows` themselves, too.
@@ -198,16 +256,8 @@ inline void TakeMemory(const Model& model, Memory* memory, Environment* w) {
   memory->Take(&w->best, model.padded);
   memory->Take(&w->taken, kMostColors / 64 * model.padded);
   TakeRows(memory, model.rows, 4, kMostColors, w->step ? &w->step->layers : nullptr);
-  for (int t = 0; t < touches; ++t) {
-    Touch* touch = w->touch ? w->touch + t : nullptr;
-    const int elements = model.is_surface ? model.triangles : model.edges;
-    TakeRows(memory, n, 3, kMeshColors, touch ? &touch->points : nullptr);
-    TakeRows(memory, elements, 3, kMeshColors, touch ? &touch->triangles : nullptr);
-    SolidBlock *point_blocks, *triangle_blocks;
-    memory->Take(&point_blocks, Blocks(n, kMeshColors));
-    memory->Take(&triangle_blocks, Blocks(elements, kMeshColors));
-    if (touch) touch->point_blocks = point_blocks, touch->triangle_blocks = triangle_blocks;
-  }
+  if (model.solids > 0) TakeNear(model, memory, w);
+  for (int t = 0; t < touches; ++t) TakeTouch(model, t >= model.grippers, memory, w->touch ? w->touch + t : nullptr);
 }
 
 }  // namespace softgym_mj::cloth

@@ -6,6 +6,7 @@
 #include "cloth/batch/environment.h"
 #include "cloth/batch/search.h"
 #include "cloth/batch/springs.h"
+#include "cloth/batch/touch.h"
 #include "cloth/plugin/meets.h"
 #include "cloth/plugin/method.h"
 
@@ -169,8 +170,17 @@ inline void FinishMotion(const Environment& w) {
     changed += more;
     if (!more) break;
   }
+  if (!changed) return;
+  // Entry faces of small solids are those at the end of the motion.
+  for (int round = 0; w.step->touches_bodies && round < kLifts; ++round) {
+    Each(4 * m.padded, [&](int i) { w.points.before[i] = w.points.now[i]; });
+    Each(n, [&](int v) {
+      for (int k = 0; k < 3; ++k) w.points.now[4 * v + k] = static_cast<float>(w.motion[3 * v + k]);
+    });
+    FindTouches(w, 1);
+  }
   // Zones that are squeezed against a plane stop.
-  if (changed && LiftOut(w)) PreventImpacts(w, true);
+  if (LiftOut(w)) PreventImpacts(w, true);
 }
 
 }  // namespace

@@ -30,11 +30,12 @@ SGM_EXPORT void softgym_mj_cloth_batch_memory(const char* model, long long* size
   sizes[0] = kept.size(), sizes[1] = memory.size();
 }
 
-// Returns the numbers of vertices, edges, grippers and solids of a model.
+// Returns the numbers of vertices, edges, grippers, solids and entry faces of a model.
 SGM_EXPORT void softgym_mj_cloth_batch_counts(const char* bytes, int* counts) {
   const auto& model = *reinterpret_cast<const softgym_mj::cloth::Model*>(bytes);
   counts[0] = model.vertices, counts[1] = model.edges, counts[2] = model.grippers;
   counts[3] = model.solids;
+  counts[4] = model.solids > 0 ? softgym_mj::cloth::kNumSides : 0;
 }
 
 // Steps all environments by at most as many threads as slots; `turns`: order of iterations (group.h).

@@ -23,8 +23,10 @@ struct Batch {
   double* twist;     // From here on last, so that builds without these read the rest.
   const double *poses, *velocities, *accelerations;
   const int* touching;
-  double* solid_forces;
-  long long num_solids;
+  double *solid_forces, *sides;
+  const double *jacobians, *responses;
+  double* solid_impulses;
+  long long num_solids, num_faces, num_dofs;
 };
 
 // Steps environment `i` in a slot; `turns`: order of iterations (group.h).

@@ -55,34 +55,75 @@ inline void FollowReference(const Environment& w) {
   });
 }
 
-inline void MakeLayerRows(const Environment& w) {
+// Rows of pairs: group 0 of those near bodies that give way that push, group 1 of others near them, group 2 of the
+// rest.
+struct LayerGroup {
+  Rows* rows;
+  LayerBlock* blocks;
+  int* pair_of;  // Pair of each row; null if rows are pairs.
+};
+
+constexpr int kFarGroup = 2;
+
+inline LayerGroup GroupOf(const Environment& w, int g) {
+  int* pair_of = w.step->touches_bodies ? w.pair_of + g * w.model->rows : nullptr;
+  if (g == kFarGroup) return {&w.step->layers, w.layers, pair_of};
+  return {&w.step->near_layers[g], w.near_layers[g], pair_of};
+}
+inline int FirstGroup(const Environment& w) { return w.step->touches_bodies ? 0 : kFarGroup; }
+
+// Marks vertices near bodies that give way, and groups pairs, as `Layers::GroupRows`.
+inline void GroupPairs(const Environment& w) {
   const Model& m = *w.model;
-  Rows* rows = &w.step->layers;
-  Once([&] { rows->count = w.step->num_pairs; });
-  Each(rows->count, [&](int i) {
+  Each(m.padded, [&](int v) { w.near_vertex[v] = 0; });
+  Each(w.step->num_pairs, [&](int i) { w.group[i] = kFarGroup; });
+  for (int t = m.grippers; t < m.grippers + m.solids; ++t) {
+    const Touch& touch = w.touch[t];
+    for (const Rows* rows : {&touch.points, &touch.triangles}) {
+      Each(touch.pushes ? 3 * rows->count : 0, [&](int i) { SetBits(&w.near_vertex[rows->vertex[i]], 1); });
+    }
+  }
+  Once([&] { w.near_vertex[m.vertices] = 0; });
+  for (int ring = 0; ring < 2; ++ring) {
+    Each(m.padded, [&](int v) { w.next_near[v] = w.near_vertex[v]; });
+    Each(w.step->num_pairs, [&](int i) {
+      const Pair& pair = w.pairs[i];
+      bool marked = false;
+      for (int v : pair.vertex) marked = marked || w.near_vertex[v];
+      if (!marked) return;
+      w.group[i] = pair.distance > (1 + kNotYet) * ThicknessOf(m, pair);
+      for (int v : pair.vertex) SetBits(&w.next_near[v], 1);
+    });
+    Each(m.padded, [&](int v) { w.near_vertex[v] = w.next_near[v]; });
+  }
+}
+
+inline void MakeGroup(const Environment& w, int g) {
+  const Model& m = *w.model;
+  const LayerGroup group = GroupOf(w, g);
+  Rows* rows = group.rows;
+  Once([&] { rows->count = group.pair_of ? 0 : w.step->num_pairs; });
+  Each(w.step->num_pairs, [&](int i) {
+    if (group.pair_of && w.group[i] != g) return;
     const Pair& pair = w.pairs[i];
-    for (int k = 0; k < 4; ++k) rows->vertex[4 * i + k] = pair.vertex[k];
+    const int row = group.pair_of ? Add(&rows->count, 1) : i;
+    if (group.pair_of) group.pair_of[row] = i;
+    for (int k = 0; k < 4; ++k) rows->vertex[4 * row + k] = pair.vertex[k];
     const unsigned number = static_cast<unsigned>(pair.edges) << 31 | static_cast<unsigned>(pair.first) << 16 |
                             static_cast<unsigned>(pair.second);
-    rows->key[i] = RowKey(pair.vertex, 4, number);
+    rows->key[row] = RowKey(pair.vertex, 4, number);
   });
-  ColorRows(w, 4, false, rows, [&](int v) { return w.yielding[v] > 0; });
-  // Kept pairs, linked by their first item.
-  Each(m.vertices + m.edges, [&](int i) { w.head[i] = -1; });
-  const int kept = kKeptPairs * m.vertices;
-  Each(kept, [&](int i) {
-    const int first = w.after_layers[4 * i] == 0 ? -1 : FirstOf(m, w.after_layers[4 * i]);
-    if (first >= 0) w.next[i] = Exchange(&w.head[first], i);
-  });
+  // In repeated sweeps a block without an impulse is skipped as a whole: it matters which rows share it.
+  ColorRows(w, 4, g != kFarGroup, rows, [&](int v) { return w.yielding[v] > 0; });
   Each(kBlock * rows->blocks, [&](int i) {
-    LayerBlock& block = w.layers[i / kBlock];
+    LayerBlock& block = group.blocks[i / kBlock];
     const int lane = i % kBlock, row = rows->order[i];
     block.gap[lane] = 1;
     block.friction[lane] = block.mass[lane] = block.inverse[lane] = block.impulse[lane] = 0;
     for (int k = 0; k < 3; ++k) block.normal[k][lane] = block.before[k][lane] = block.held[k][lane] = 0;
     for (int k = 0; k < 4; ++k) block.vertex[k][lane] = m.vertices, block.weight[k][lane] = 0;
     if (row < 0) return;
-    const Pair& pair = w.pairs[row];
+    const Pair& pair = w.pairs[group.pair_of ? group.pair_of[row] : row];
     float mass = 0;
     for (int k = 0; k < 4; ++k) {
       block.vertex[k][lane] = pair.vertex[k];
@@ -107,18 +148,38 @@ inline void MakeLayerRows(const Environment& w) {
   });
 }
 
-// Stores the pairs that the next step needs, as `Layers::Keep`.
-inline void KeepLayers(const Environment& w) {
+inline void MakeLayerRows(const Environment& w) {
   const Model& m = *w.model;
-  const Rows& rows = w.step->layers;
+  if (w.step->touches_bodies) GroupPairs(w);
+  // Kept pairs, linked by their first item.
+  Each(m.vertices + m.edges, [&](int i) { w.head[i] = -1; });
+  const int kept = kKeptPairs * m.vertices;
+  Each(kept, [&](int i) {
+    const int first = w.after_layers[4 * i] == 0 ? -1 : FirstOf(m, w.after_layers[4 * i]);
+    if (first >= 0) w.next[i] = Exchange(&w.head[first], i);
+  });
+  for (int g = FirstGroup(w); g <= kFarGroup; ++g) MakeGroup(w, g);
+}
+
+// Calls f(block) for all blocks of near rows, or of the others.
+template <class F>
+inline void EachLayer(const Environment& w, bool near, F f) {
+  for (int g = near ? FirstGroup(w) : kFarGroup; g < (near ? kFarGroup : kFarGroup + 1); ++g) {
+    const LayerGroup group = GroupOf(w, g);
+    EachColor(*group.rows, [&](int b) { f(group.blocks + b); });
+  }
+}
+
+inline void KeepGroup(const Environment& w, int g) {
+  const Model& m = *w.model;
+  const LayerGroup group = GroupOf(w, g);
+  const Rows& rows = *group.rows;
   const int size = kKeptPairs * m.vertices;
-  Each(4 * size, [&](int i) { w.after_layers[i] = 0; });
-  Each(3 * m.vertices, [&](int i) { w.later[i] = 0; });
-  Once([&] { w.step->num_kept = 0; });
+  const bool last_sweep = !w.step->repeats || g == kFarGroup;  // Its only sweep in the substep.
   for (int color = rows.colors; color-- > 0;) {
     const int first = kBlock * rows.begin[color];
     Each(kBlock * rows.begin[color + 1] - first, [&](int place) {
-      const LayerBlock& block = w.layers[(first + place) / kBlock];
+      const LayerBlock& block = group.blocks[(first + place) / kBlock];
       const int lane = place % kBlock;
       if (!(block.impulse[lane] > 0)) return;
       double moved[3] = {0, 0, 0}, change[3];
@@ -130,16 +191,26 @@ inline void KeepLayers(const Environment& w) {
         const double weight = block.weight[c][lane], mass = w.points.now[4 * v + 3];
         for (int k = 0; k < 3; ++k) {
           double* later = &w.later[3 * v + k];
-          moved[k] += weight * (w.points.now[4 * v + k] - w.with_layers[4 * v + k] + *later);
+          moved[k] += weight * (w.points.now[4 * v + k] - w.with_layers[4 * v + k] + (last_sweep ? *later : 0));
           if (mass > 0) *later += weight * mass * change[k];
         }
       }
       const int n = Add(&w.step->num_kept, 1);
       if (n >= size) return;
-      w.after_layers[4 * n] = KeptKey(m, w.pairs[rows.order[first + place]]);
+      const int row = rows.order[first + place];
+      w.after_layers[4 * n] = KeptKey(m, w.pairs[group.pair_of ? group.pair_of[row] : row]);
       for (int k = 0; k < 3; ++k) w.after_layers[4 * n + 1 + k] = moved[k];
     });
   }
+}
+
+// Stores the pairs that the next step needs, as `Layers::Keep`.
+inline void KeepLayers(const Environment& w) {
+  const Model& m = *w.model;
+  Each(4 * kKeptPairs * m.vertices, [&](int i) { w.after_layers[i] = 0; });
+  Each(3 * m.vertices, [&](int i) { w.later[i] = 0; });
+  Once([&] { w.step->num_kept = 0; });
+  for (int g = kFarGroup; g >= FirstGroup(w); --g) KeepGroup(w, g);
 }
 
 }  // namespace

@@ -19,6 +19,7 @@ namespace {
 constexpr int kAlign = 32;
 // Room for pairs and rows per vertex; a pile of 20 x 20 vertices has 7 and 3.
 constexpr int kCandidatesOfVertex = 64, kFoundOfVertex = 48, kRowsOfVertex = 12;
+constexpr int kPointsOfSolid = 4096;    // A pad in a pile of four layers has some 2000.
 constexpr int kMostVertices = 1 << 13;  // Keys of pairs have 15 and 16 bits for their items.
 
 class Writer {
@@ -76,13 +77,21 @@ void Invert(const std::vector<int>& corners, int of_item, int vertices, std::vec
 
 // Fills the solids with geom ids `geoms`, of which the first ones are grippers, and the first solid of each body.
 std::string FillSolids(const mjModel* m, const Mesh& mesh, const std::vector<int>& geoms, int grippers,
-                       std::vector<Solid>* solids, std::vector<int>* first) {
+                       std::vector<Solid>* solids, std::vector<int>* first, std::vector<int>* trees) {
   std::vector<int> bodies;
   for (size_t i = 0; i < geoms.size(); ++i) {
-    const int g = geoms[i], own = m->geom_bodyid[g];
+    const int g = geoms[i];
     const bool grips = static_cast<int>(i) < grippers;
+    if (g < 0) {
+      first->push_back(static_cast<int>(i));
+      trees->push_back(-1);
+      bodies.push_back(-1);
+      solids->push_back({Shape::kSphere, {}, 0, -1, static_cast<int>(i), 0, {}});
+      continue;
+    }
+    const int own = m->geom_bodyid[g];
     if (grips && (m->geom_type[g] != mjGEOM_SPHERE || !MayTouch(m, g, mesh, 0))) return "expected spheres as grippers.";
-    Solid solid = {ShapeOf(m->geom_type[g]), {}, static_cast<float>(Friction(m, g, mesh.flexes[0])), 0,
+    Solid solid = {ShapeOf(m->geom_type[g]), {}, static_cast<float>(Friction(m, g, mesh.flexes[0])), g, 0,
                    m->geom_rbound[g],        {}};
     if (solid.shape == Shape::kPlane) return "expected spheres, capsules, ellipsoids, cylinders or boxes as solids.";
     if (i > 0 && g <= geoms[i - 1]) return "expected grippers and then solids in the order of their ids.";
@@ -91,10 +100,12 @@ std::string FillSolids(const mjModel* m, const Mesh& mesh, const std::vector<int
     mju_sub3(arm, m->body_ipos + 3 * own, m->geom_pos + 3 * g);
     mju_negQuat(back, m->geom_quat + 4 * g);
     if (!grips) mju_rotVecQuat(solid.center, arm, back);
-    const auto found = std::find(bodies.begin(), bodies.end(), own);
+    const auto found = grips ? bodies.end() : std::find(bodies.begin(), bodies.end(), own);
     solid.body = static_cast<int>(found - bodies.begin());
+    if (!grips && m->body_treeid[own] < 0) return "expected solids on bodies with joints.";
     if (found == bodies.end()) {
       bodies.push_back(own);
+      trees->push_back(m->body_treeid[own]);
       first->push_back(static_cast<int>(i));
     }
     solids->push_back(solid);
@@ -139,12 +150,14 @@ std::string Write(const mjModel* m, const Workspace& w, const std::vector<int>& 
   mju_copy3(model.plane_normal, w.planes[0].normal);
   model.plane_friction = w.planes[0].friction[0];
   std::vector<Solid> solids;
-  std::vector<int> first_solids;
-  const std::string wrong = FillSolids(m, mesh, geoms, grippers, &solids, &first_solids);
+  std::vector<int> first_solids, trees;
+  const std::string wrong = FillSolids(m, mesh, geoms, grippers, &solids, &first_solids, &trees);
   if (!wrong.empty()) return wrong;
   model.grippers = grippers;
   model.solids = static_cast<int>(geoms.size()) - grippers;
   model.bodies = static_cast<int>(first_solids.size());
+  model.sweeps = w.settings.sweeps;
+  model.points = static_cast<int>(room * kPointsOfSolid);
 
   out->assign(sizeof(Model), 0);
   Writer write(out);
@@ -177,15 +190,18 @@ std::string Write(const mjModel* m, const Workspace& w, const std::vector<int>& 
   model.hinge_colors_at = write(hinge_colors);
 
   std::vector<int> corners, ends, sides, owned, lanes(2 * edges.order().size(), -1), first, items;
-  std::vector<double> area;
+  std::vector<double> area, longest;
   for (const Mesh::Triangle& t : mesh.triangles) {
     corners.insert(corners.end(), t.vertex, t.vertex + 3);
     area.push_back(t.area);
     owned.push_back(t.owned);
+    longest.push_back(
+        std::max({mesh.edges[t.edge[0]].length, mesh.edges[t.edge[1]].length, mesh.edges[t.edge[2]].length}));
   }
   for (const Mesh::Edge& e : mesh.edges) {
     ends.insert(ends.end(), e.vertex, e.vertex + 2);
     sides.insert(sides.end(), e.triangle, e.triangle + 2);
+    if (!model.is_surface) longest.push_back(e.length);
   }
   for (size_t i = 0; i < edges.order().size(); ++i) {
     if (edges.order()[i] < 0) continue;
@@ -232,6 +248,8 @@ std::string Write(const mjModel* m, const Workspace& w, const std::vector<int>& 
   model.chain_gamma_at = write(gamma);
   model.chain_keep_at = write(keep);
 
+  model.longest_at = write(longest);
+  model.trees_at = write(trees);
   model.solids_at = write(solids);
   model.first_solids_at = write(first_solids);
   model.vertex_order_at = write(layers.vertex_order());
@@ -250,8 +268,8 @@ std::string Write(const mjModel* m, const Workspace& w, const std::vector<int>& 
 }  // namespace softgym_mj::cloth
 
 // Writes the Model of a compiled mjModel, up to `capacity` bytes; mjData must have made a step. `ids`: geom ids of
-// grippers, then -1 - id of solids. `room` scales the room for contacts. Returns the size in bytes, or 0 after writing
-// a message to `error`.
+// grippers, or -1 for one that only holds, then -2 - id of solids. `room` scales the room for contacts. Returns the
+// size in bytes, or 0 after writing a message to `error`.
 SGM_EXPORT int softgym_mj_cloth_batch_model(const mjModel* m, const mjData* d, const int* ids, int num_ids, double room,
                                             char* out, int capacity, char* error, int error_size) {
   using namespace softgym_mj::cloth;
@@ -260,7 +278,7 @@ SGM_EXPORT int softgym_mj_cloth_batch_model(const mjModel* m, const mjData* d, c
   std::string bytes;
   std::vector<int> geoms(ids, ids + num_ids);
   int grippers = 0;
-  for (int& id : geoms) id >= 0 ? ++grippers : id = -1 - id;
+  for (int& id : geoms) id >= -1 ? ++grippers : id = -2 - id;
   const std::string wrong = w ? Write(m, *w, geoms, grippers, room, &bytes) : "no flex carries the plugin.";
   std::snprintf(error, error_size, "%s", wrong.c_str());
   if (!wrong.empty()) return 0;

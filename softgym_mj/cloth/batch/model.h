@@ -13,7 +13,7 @@ struct Solid {
   Shape shape;
   float size[3];  // As in mjModel [m].
   float friction;
-  int body;          // Index of its body.
+  int geom, body;    // Its id in mjModel, or -1 for a gripper that only holds, and the index of its body.
   double bound;      // Bounding radius [m].
   double center[3];  // Center of mass of its body, in its own frame [m].
 };
@@ -27,6 +27,8 @@ struct Model {
   int bend_interval, substeps, takes_air;
   int has_slim;                  // As in Mesh.
   int grippers, solids, bodies;  // `bodies`: one for each gripper, then those of solids.
+  int sweeps;                    // Sweeps over contacts near dynamic bodies per substep.
+  int points;                    // Room for fixed contact points of a small solid.
   int candidates, found, rows;   // Room for candidates of each kind, for pairs that may touch, and for rows.
   double timestep, h;            // [s]
   double gravity[3];             // [m/s^2]
@@ -58,6 +60,8 @@ struct Model {
   // Vertices, triangles and edges in spatial order at rest; -1 fills the last eight.
   int vertex_order_at, triangle_order_at, edge_order_by_place_at;
   int vertex_leaves, triangle_leaves, edge_leaves;
+  int longest_at;                  // (triangles or rope edges,) Longest edge at rest [m], of doubles.
+  int trees_at;                    // (bodies,) Kinematic tree of each body; bodies of one tree push each other.
   int solids_at, first_solids_at;  // (grippers + solids,) `Solid`; (bodies,) the first one of each body.
 
   template <class T>

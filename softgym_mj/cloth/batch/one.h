@@ -35,6 +35,11 @@ inline void StepEnvironmentOf(const Batch& batch, int i, int slot, float* quick 
     w.accelerations = batch.accelerations + 6 * solids;
     w.touching = batch.touching + solids;
     w.solid_forces = batch.solid_forces + 6 * solids;
+    w.dofs = static_cast<int>(w.model->solids > 0 ? batch.num_dofs : 0);
+    w.jacobians = batch.jacobians + 6 * w.dofs * solids;
+    w.responses = batch.responses + 6 * w.dofs * solids;
+    w.solid_impulses = batch.solid_impulses + 12 * solids;
+    w.sides = batch.sides + batch.num_faces * i;
     Memory kept(batch.kept + batch.kept_size * i), memory(batch.memory + batch.memory_size * slot);
     TakeKept(*w.model, &kept, &w);
     TakeMemory(*w.model, &memory, &w);

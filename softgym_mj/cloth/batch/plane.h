@@ -22,6 +22,29 @@ inline void StartPlane(const Environment& w) {
     w.plane_friction[v] = m.plane_friction;
     if (gap < 2 * m.timestep * std::sqrt(speed) + kPlaneMargin) SetBits(&w.plane_near[v / kBlock], 1);
   });
+  // With bodies near, the floor is swept as often as the repeated rows that push vertices into it.
+  Each(w.step->touches_bodies ? m.padded / kBlock : 0, [&](int b) {
+    w.plane_repeats[b] = 0;
+    for (int i = 0; i < 4 * kBlock; ++i) w.plane_impulse[4 * kBlock * b + i] = 0;
+    for (int v = kBlock * b; v < kBlock * (b + 1) && v < m.vertices; ++v) w.plane_repeats[b] |= w.near_vertex[v];
+  });
+}
+
+// Calls f(plane, first vertex) for all blocks of vertices near the plane: near bodies, too, if `near`, or the others.
+template <class F>
+inline void EachPlaneBlock(const Environment& w, bool near, F f) {
+  const Model& m = *w.model;
+  const Plane plane = {{static_cast<float>(m.plane_normal[0]), static_cast<float>(m.plane_normal[1]),
+                        static_cast<float>(m.plane_normal[2])},
+                       w.plane_gap,
+                       w.plane_friction,
+                       near ? w.plane_impulse : nullptr,
+                       nullptr,
+                       0};
+  const bool bodies = w.step->touches_bodies;
+  EachBlock(0, m.padded / kBlock, [&](int b) {
+    if (w.plane_near[b] && (bodies && w.plane_repeats[b]) == near) f(plane, kBlock * b);
+  });
 }
 
 }  // namespace

@@ -71,6 +71,7 @@ inline void Gather(const Environment& w) {
     for (int k = 0; k < 4 * kKeptPairs; ++k) w.after_layers[4 * kKeptPairs * v + k] = 0;
   });
   Each(m.edges, [&](int e) { w.after_edge[e] = 0; });
+  Each(m.solids > 0 ? kNumSides : 0, [&](int i) { w.sides[i] = 0; });
   Once([&] { *w.valid = 1; });
 }
 
@@ -171,33 +172,53 @@ inline void TwoWayPass(const Environment& w, F sweep) {
   });
 }
 
+// Applies a share of the impulses of the last substep near light bodies.
+inline void WarmContacts(const Environment& w) {
+  TwoWayPass(w, [&] { EachLayer(w, true, [&](LayerBlock* block) { WarmLayers(w.points, block, kWarm); }); });
+  WarmTouches(w);
+  TwoWayPass(w, [&] {
+    EachPlaneBlock(w, true, [&](const Plane& plane, int first) { WarmPlane(w.points, plane, first, kWarm); });
+  });
+}
+
+// Sweeps contacts near bodies.
+inline void SweepNear(const Environment& w, SweepPass pass, bool layers, bool plane) {
+  if (layers) EachLayer(w, true, [&](LayerBlock* block) { SweepLayers(w.points, w.model->contact, block, pass); });
+  if (!plane || !w.step->touches_bodies) return;
+  EachPlaneBlock(w, true,
+                 [&](const Plane& near, int first) { SweepPlane(w.points, w.model->plane_row, near, first, pass); });
+}
+
 inline void Substep(const Environment& w, int substep, int search_interval) {
   const Model& m = *w.model;
   const int blocks = m.padded / kBlock;
+  const bool warm = w.step->touches_light && substep > 0, repeats = w.step->repeats;
+  const SweepPass once = {true, true}, pass = {!warm, !repeats};
   PushTwist(w);
   Bend(w, substep);
   EachBlock(0, 4 * m.padded / kLanes, [&](int i) { Move(w.points, kLanes * i); });
   const int left = m.substeps - substep, to_search = search_interval < left ? search_interval : left;
+  MoveBodies(w);
   FindTouches(w, substep % search_interval == 0 ? to_search : 0);
   SweepSprings(w);
   if (m.takes_air) EachBlock(0, blocks, [&](int b) { MoveAir(w.points, kBlock * b); });
+  if (warm) WarmContacts(w);
   TwoWayPass(w, [&] {
-    EachColor(w.step->layers, [&](int b) { SweepLayers(w.points, m.contact, w.layers + b, {true, true}); });
+    SweepNear(w, pass, true, false);
+    EachLayer(w, false, [&](LayerBlock* block) { SweepLayers(w.points, m.contact, block, once); });
   });
   if (substep + 1 == m.substeps) Each(4 * m.padded, [&](int i) { w.with_layers[i] = w.points.now[i]; });
-  SweepTouches(w);
+  SweepTouches(w, pass);
   TwoWayPass(w, [&] {
-    const Plane plane = {{static_cast<float>(m.plane_normal[0]), static_cast<float>(m.plane_normal[1]),
-                          static_cast<float>(m.plane_normal[2])},
-                         w.plane_gap,
-                         w.plane_friction,
-                         nullptr,
-                         nullptr,
-                         0};
-    EachBlock(0, blocks, [&](int b) {
-      if (w.plane_near[b]) SweepPlane(w.points, m.plane_row, plane, kBlock * b, {true, true});
-    });
+    EachPlaneBlock(w, false,
+                   [&](const Plane& plane, int first) { SweepPlane(w.points, m.plane_row, plane, first, once); });
+    SweepNear(w, pass, false, true);
   });
+  for (int sweep = 1; repeats && sweep < m.sweeps; ++sweep) {
+    const SweepPass again = {false, sweep + 1 == m.sweeps};
+    SweepTouches(w, again);
+    TwoWayPass(w, [&] { SweepNear(w, again, true, true); });
+  }
   FinishBodies(w);
   AddHoldingForces(w, 1 / (m.h * m.h * m.substeps));
 }
@@ -205,11 +226,11 @@ inline void Substep(const Environment& w, int substep, int search_interval) {
 inline void StepEnvironment(const Environment& w) {
   const Model& m = *w.model;
   Gather(w);
+  StartTouches(w);
   FollowReference(w);
   FindPairs(w);
   MakeLayerRows(w);
   StartPoints(w);
-  StartTouches(w);
   StartSprings(w);
   StartTwist(w);
   StartPlane(w);
@@ -218,6 +239,7 @@ inline void StepEnvironment(const Environment& w) {
   const int search_interval = SearchInterval(w.step->fastest, m.substeps);
   for (int substep = 0; substep < m.substeps; ++substep) Substep(w, substep, search_interval);
   SumForces(w);
+  WriteImpulses(w);
   SolveChains(w, true);
   EndChains(w);
   KeepLayers(w);
@@ -227,6 +249,7 @@ inline void StepEnvironment(const Environment& w) {
     w.holding_force[v] = std::sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]);
   });
   FinishMotion(w);
+  KeepSides(w);
   EndTwist(w);
   Each(3 * m.vertices, [&](int i) {
     w.qvel[i] = w.speed[i];

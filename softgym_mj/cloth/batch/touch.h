@@ -1,8 +1,9 @@
-// Contact with grippers, spheres with prescribed motion, and other solids with prescribed motion, as in `Solids`.
+// Contact with grippers, spheres with prescribed motion, and other solids, as in `Solids`.
 
 #ifndef SOFTGYM_MJ_CLOTH_BATCH_TOUCH_H_
 #define SOFTGYM_MJ_CLOTH_BATCH_TOUCH_H_
 
+#include "cloth/batch/bodies.h"
 #include "cloth/batch/environment.h"
 #include "cloth/batch/rows.h"
 #include "cloth/plugin/method.h"
@@ -14,48 +15,87 @@ namespace {
 
 inline double Length(const double a[3]) { return std::sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]); }
 
-// Starts the bodies of grippers and solids.
-inline void StartBodies(const Environment& w) {
+// Whether no vertex can come near a solid, as in `Solids::Start`.
+inline bool IsAway(const Environment& w, const double* center, double most) {
+  for (int k = 0; k < 3; ++k) {
+    if (center[k] + most < w.step->low[k] || center[k] - most > w.step->high[k]) return true;
+  }
+  return false;
+}
+
+// Entry face of the point of a key, from the sorted state; -1 if it was outside.
+inline float SideOf(const double* sides, double key) {
+  int first = 0;
+  for (int size = kNumSides; size > 0;) {
+    const int half = size / 2;
+    const bool less = sides[first + half] < key * kFaces + 1;
+    first += less ? half + 1 : 0;
+    size = less ? size - half - 1 : half;
+  }
+  const bool found = first < kNumSides && sides[first] < (key + 1) * kFaces;
+  return found ? static_cast<float>(sides[first] - key * kFaces - 1) : -1;
+}
+
+// Fills blocks with empty rows of points or elements.
+inline void FillBlocks(const Environment& w, const Touch& touch, bool elements, float friction) {
   const Model& m = *w.model;
-  const Solid* solids = m.At<Solid>(m.solids_at);
-  Each(m.bodies, [&](int b) {
-    Mover& body = w.bodies[b];
-    const int first = m.At<int>(m.first_solids_at)[b], own = first - m.grippers;
-    double center[3] = {0, 0, 0};
-    if (own >= 0) RotVecQuat(solids[first].center, w.poses + 7 * own + 3, center);
+  const Rows& rows = elements ? touch.triangles : touch.points;
+  SolidBlock* blocks = elements ? touch.triangle_blocks : touch.point_blocks;
+  const double radius = touch.small && kThin < m.radius ? kThin : m.radius;
+  Each(kBlock * rows.blocks, [&](int i) {
+    SolidBlock& block = blocks[i / kBlock];
+    const int lane = i % kBlock, row = rows.order[i], none = m.vertices;
+    const bool fixed = row >= 0 && !elements;
+    if (lane == 0) block.active = 1;
+    block.side[lane] = fixed && touch.small ? SideOf(w.sides, touch.key[row]) : -2;
+    block.rope[lane] = row >= 0 && rows.vertex[3 * row + 2] == none;
+    block.friction[lane] = row < 0 ? 0 : friction;
+    block.radius[lane] = row < 0 ? -1e3f : static_cast<float>(radius);
+    block.impulse[lane] = block.pressed[lane] = 0;
     for (int k = 0; k < 3; ++k) {
-      body.center[k] = own < 0 ? w.gripper_qpos[3 * b + k] : w.poses[7 * own + k] + center[k];
-      body.so_far.shift[k] = 0;
-    }
-    for (int k = 0; k < 4; ++k) body.so_far.turn[k] = k == 0;
-    body.rigid.gives_way = false;
-    for (int k = 0; k < 6; ++k) {
-      const double of_gripper = k < 3 && own < 0 ? w.gripper_qvel[3 * b + k] : 0;
-      body.rigid.move[k] = m.h * (own < 0 ? of_gripper : w.velocities[6 * own + k]);
-      body.acceleration[k] = own < 0 ? 0 : w.accelerations[6 * own + k];
-      for (int c = 0; c < 6; ++c) body.rigid.compliance[k][c] = 0;
+      block.vertex[k][lane] = row < 0 ? none : rows.vertex[3 * row + k];
+      block.weight[k][lane] = fixed && touch.fixed ? touch.weight[3 * row + k] : fixed && k == 0;
+      block.held[k][lane] = block.total[k][lane] = block.arm[k][lane] = 0;
     }
   });
 }
 
-// Fills blocks with empty rows of vertices or elements.
-inline void FillBlocks(const Environment& w, const Rows& rows, bool elements, float friction, SolidBlock* blocks) {
+// Appends a row; `number`: its rank among rows with the same vertices.
+inline int AddRow(const Environment& w, Rows* rows, int room, const int* vertex, int corners, int number) {
+  const int n = Add(&rows->count, 1);
+  if (n >= room) {
+    SetBits(&w.step->flags, kRowsFull);
+    return -1;
+  }
+  for (int k = 0; k < 3; ++k) rows->vertex[3 * n + k] = k < corners ? vertex[k] : w.model->vertices;
+  rows->key[n] = RowKey(rows->vertex + 3 * n, 3, number);
+  return n;
+}
+
+// Appends rows of fixed points of an element, or of a vertex, as `Solids::AddRows`.
+inline void AddPoints(const Environment& w, const Solid& solid, const int* vertex, int corners, int element,
+                      Touch* touch) {
   const Model& m = *w.model;
-  Each(kBlock * rows.blocks, [&](int i) {
-    SolidBlock& block = blocks[i / kBlock];
-    const int lane = i % kBlock, row = rows.order[i], none = m.vertices;
-    if (lane == 0) block.active = 1;
-    block.side[lane] = -2;
-    block.rope[lane] = row >= 0 && rows.vertex[3 * row + 2] == none;
-    block.friction[lane] = row < 0 ? 0 : friction;
-    block.radius[lane] = row < 0 ? -1e3f : static_cast<float>(m.radius);
-    block.impulse[lane] = block.pressed[lane] = 0;
-    for (int k = 0; k < 3; ++k) {
-      block.vertex[k][lane] = row < 0 ? none : rows.vertex[3 * row + k];
-      block.weight[k][lane] = row >= 0 && !elements && k == 0 ? 1 : 0;
-      block.held[k][lane] = block.total[k][lane] = block.arm[k][lane] = 0;
+  const double elements = static_cast<double>(m.vertices + m.triangles + m.edges);
+  const auto add = [&](int place, int i, int j, float first, float second, float third) {
+    const int number = (place * kMostPoints + i) * kMostPoints + j;
+    const int row = AddRow(w, &touch->points, touch->room, vertex, corners, number);
+    if (row < 0) return;
+    float* weight = touch->weight + 3 * row;
+    weight[0] = first, weight[1] = second, weight[2] = third;
+    touch->key[row] = ((solid.geom * elements + place) * kMostPoints + i) * kMostPoints + j;
+  };
+  if (corners == 1) return add(element, 0, 0, 1, 0, 0);
+  const double count = std::ceil(m.At<double>(m.longest_at)[element] / kPointDistance);
+  const int n = count < kMostPoints ? static_cast<int>(count) : kMostPoints;
+  const float scale = 1.0f / n;
+  for (int i = 0; i <= n; ++i) {
+    for (int j = 0; i + j <= n; ++j) {
+      const int k = n - i - j;
+      if (i == n || j == n || k == n || (corners == 2 && k > 0)) continue;
+      add(m.vertices + element, i, j, scale * i, scale * j, scale * k);
     }
-  });
+  }
 }
 
 // Makes rows of vertices and elements that may touch a gripper or solid in the step.
@@ -67,6 +107,8 @@ inline void StartTouch(const Environment& w, int t) {
   const int own = t - m.grippers;
   Once([&] {
     touch->geom.shape = solid.shape;
+    touch->small = body.rigid.gives_way && solid.bound < kSmall;
+    touch->fixed = touch->small || (own >= 0 && w.step->fastest >= kHasty);
     const double unturned[4] = {1, 0, 0, 0};
     Quat2Mat(own < 0 ? unturned : w.poses + 7 * own + 3, touch->matrix);
     for (int k = 0; k < 3; ++k) {
@@ -84,27 +126,35 @@ inline void StartTouch(const Environment& w, int t) {
     velocity[k] = own < 0 ? of_gripper : w.velocities[6 * own + k];
   }
   const double turning = Length(velocity + 3), speed = Length(velocity) + turning * solid.bound;
-  const float margin = static_cast<float>(m.radius + kSolidMargin + m.timestep * (speed + kVelocityMargin));
-  const float bound = static_cast<float>(solid.bound);
-  const auto add = [&](Rows* rows, const int* vertex, int corners, int number) {
-    if (!ComesNear(w.solid_position, vertex, corners, touch->geom, bound, margin)) return;
-    const int n = Add(&rows->count, 1);
-    for (int k = 0; k < 3; ++k) rows->vertex[3 * n + k] = k < corners ? vertex[k] : m.vertices;
-    rows->key[n] = RowKey(rows->vertex + 3 * n, 3, number);
+  const double margin = m.radius + kSolidMargin + m.timestep * (speed + kVelocityMargin);
+  const float bound = static_cast<float>(solid.bound), reach = static_cast<float>(margin);
+  const auto add = [&](const int* vertex, int corners, int number) {
+    if (!ComesNear(w.solid_position, vertex, corners, touch->geom, bound, reach)) return;
+    if (touch->fixed) return AddPoints(w, solid, vertex, corners, number, touch);
+    AddRow(w, corners == 1 ? &touch->points : &touch->triangles, m.vertices + m.triangles + m.edges, vertex, corners,
+           number);
   };
-  const bool touches = own < 0 || w.touching[own];
-  Each(touches ? m.vertices : 0, [&](int v) { add(&touch->points, &v, 1, v); });
+  const bool touches = own < 0
+                           ? solid.geom >= 0
+                           : (w.touching[own] && !IsAway(w, w.poses + 7 * own, solid.bound + margin + w.step->fastest));
+  Each(touches ? m.vertices : 0, [&](int v) { add(&v, 1, v); });
   if (m.is_surface) {
-    Each(touches ? m.triangles : 0,
-         [&](int i) { add(&touch->triangles, m.At<int>(m.triangle_vertex_at) + 3 * i, 3, i); });
+    Each(touches ? m.triangles : 0, [&](int i) { add(m.At<int>(m.triangle_vertex_at) + 3 * i, 3, i); });
   } else {
-    Each(touches ? m.edges : 0, [&](int e) { add(&touch->triangles, m.At<int>(m.edge_vertex_at) + 2 * e, 2, e); });
+    Each(touches ? m.edges : 0, [&](int e) { add(m.At<int>(m.edge_vertex_at) + 2 * e, 2, e); });
   }
+  Once([&] {
+    if (touch->points.count > touch->room) touch->points.count = touch->room;
+    touch->pushes = body.rigid.gives_way && touch->points.count + touch->triangles.count > 0;
+    w.step->touches_bodies |= touch->pushes;
+    w.step->touches_light |= touch->pushes && body.inverse_mass > 1 / kLight;
+    w.step->repeats = w.step->touches_bodies && m.sweeps > 1;
+  });
   const auto counts = [&](int v) { return v < m.vertices; };
   ColorRows(w, 3, true, &touch->points, counts);
   ColorRows(w, 3, true, &touch->triangles, counts);
-  FillBlocks(w, touch->points, false, solid.friction, touch->point_blocks);
-  FillBlocks(w, touch->triangles, true, solid.friction, touch->triangle_blocks);
+  FillBlocks(w, *touch, false, solid.friction);
+  FillBlocks(w, *touch, true, solid.friction);
 }
 
 // Starts contact with grippers and solids.
@@ -113,15 +163,11 @@ inline void StartTouches(const Environment& w) {
   for (int t = 0; t < w.model->grippers + w.model->solids; ++t) StartTouch(w, t);
 }
 
-// Moves bodies by a substep without contact, and updates rows.
+// Updates rows.
 inline void FindTouches(const Environment& w, int substeps) {
   const Model& m = *w.model;
   const Solid* solids = m.At<Solid>(m.solids_at);
   const int touches = m.grippers + m.solids;
-  Each(m.bodies, [&](int b) {
-    Mover& body = w.bodies[b];
-    MoveRigid(body.center, body.so_far, body.acceleration, m.h, &body.rigid);
-  });
   Each(touches, [&](int t) {
     Touch& touch = w.touch[t];
     const Mover& body = w.bodies[solids[t].body];
@@ -141,21 +187,59 @@ inline void FindTouches(const Environment& w, int substeps) {
   }
 }
 
-inline void SweepTouches(const Environment& w) {
+// Calls f(block, row, body) for all blocks. Those of a body that gives way follow each other, because they act on each
+// other through it.
+template <class F>
+inline void EachTouch(const Environment& w, F f) {
   const Model& m = *w.model;
   for (int t = 0; t < m.grippers + m.solids; ++t) {
     const Touch& touch = w.touch[t];
     Rigid* rigid = &w.bodies[m.At<Solid>(m.solids_at)[t].body].rigid;
-    EachColor(touch.points,
-              [&](int b) { SweepSolid(w.points, m.solid_row, touch.point_blocks + b, rigid, {true, true}); });
-    EachColor(touch.triangles,
-              [&](int b) { SweepSolid(w.points, m.solid_row, touch.triangle_blocks + b, rigid, {true, true}); });
+    if (rigid->gives_way) {
+      EachBlock(0, 1, [&](int) {
+        for (int b = 0; b < touch.points.blocks; ++b) f(touch.point_blocks + b, m.contact, rigid);
+        for (int b = 0; b < touch.triangles.blocks; ++b) f(touch.triangle_blocks + b, m.contact, rigid);
+      });
+    } else {
+      EachColor(touch.points, [&](int b) { f(touch.point_blocks + b, m.solid_row, rigid); });
+      EachColor(touch.triangles, [&](int b) { f(touch.triangle_blocks + b, m.solid_row, rigid); });
+    }
   }
+  ShareImpulses(w);
 }
 
-// Ends a substep.
-inline void FinishBodies(const Environment& w) {
-  Each(w.model->bodies, [&](int b) { FinishRigid(w.bodies[b].rigid, &w.bodies[b].so_far); });
+inline void SweepTouches(const Environment& w, SweepPass pass) {
+  EachTouch(w, [&](SolidBlock* block, const ContactRow& row, Rigid* rigid) {
+    SweepSolid(w.points, row, block, rigid, pass);
+  });
+}
+
+inline void WarmTouches(const Environment& w) {
+  EachTouch(w, [&](SolidBlock* block, const ContactRow&, Rigid* rigid) { WarmSolid(w.points, block, rigid, kWarm); });
+}
+
+// Stores the entry faces of points inside small solids, as `Solids::KeepSides`.
+inline void KeepSides(const Environment& w) {
+  const Model& m = *w.model;
+  if (m.solids == 0) return;
+  Once([&] { w.step->num_sides = 0; });
+  for (int t = m.grippers; t < m.grippers + m.solids; ++t) {
+    const Touch& touch = w.touch[t];
+    const bool counts = touch.small && touch.geom.shape == Shape::kBox;
+    Each(counts ? kBlock * touch.points.blocks : 0, [&](int i) {
+      const SolidBlock& block = touch.point_blocks[i / kBlock];
+      const int lane = i % kBlock, row = touch.points.order[i];
+      if (row < 0 || block.side[lane] < 0 || block.gap[lane] + block.radius[lane] > kRemembered) return;
+      w.found_sides[Add(&w.step->num_sides, 1)] = touch.key[row] * kFaces + block.side[lane] + 1;
+    });
+  }
+  const int found = w.step->num_sides, kept = found < kNumSides ? found : kNumSides;
+  Each(kNumSides, [&](int i) { w.sides[i] = 0; });
+  Each(found, [&](int i) {
+    int rank = 0;
+    for (int j = 0; j < found; ++j) rank += w.found_sides[j] < w.found_sides[i];
+    if (rank < kept) w.sides[kNumSides - kept + rank] = w.found_sides[i];
+  });
 }
 
 // Writes mean forces of the flex on solids in the step, and torques about the centers of mass of their bodies.

@@ -160,12 +160,15 @@ inline void PushSolid(const Points& points, const SolidBlock& block, const Lanes
                          NegativeMultiplyAdd(arm.y, change.x, arm.x * change.y)};
   const double wrench[6] = {-Sum(change.x), -Sum(change.y), -Sum(change.z),
                             -Sum(moment.x), -Sum(moment.y), -Sum(moment.z)};
-  for (int i = 0; i < 6; ++i) {
-    body->impulse[i] += wrench[i];
-    double sum = 0;
-    for (int j = 0; j < 6; ++j) sum += body->compliance[i][j] * wrench[j];
-    body->move[i] += sum;
-  }
+  OneLane([&] {
+    for (int i = 0; i < 6; ++i) {
+      body->impulse[i] += wrench[i];
+      double sum = 0;
+      for (int j = 0; j < 6; ++j) sum += body->compliance[i][j] * wrench[j];
+      body->move[i] += sum;
+    }
+  });
+  WaitLanes();
 }
 
 inline void SweepSolid(const Points& points, const ContactRow& row, SolidBlock* block, Rigid* body, SweepPass pass) {
