@@ -3,7 +3,7 @@
     python -m tools.recorded_pictures --rope data_set --cloth DIR --water DIR
 
 Folders are those of `softgym-mj validate`. Properties are those in docs/*_recordings.json. It
-writes docs/videos/rope-recorded.webp and cloth-recorded.webp (the recording with the median error
+writes docs/renders/rope-recorded.webp and cloth-recorded.webp (the recording with the median error
 of each cable and of the cloth; recorded on the left or above), docs/rope_errors.png and
 docs/water_curves.png, in three minutes on one core. Matplotlib is part of the extra `plot`.
 """
@@ -29,7 +29,7 @@ from softgym_mj.reality.rope.recordings import FRAME_TIME, HELD, read_recordings
 from softgym_mj.reality.rope.scenario import START_FRAMES, EndsInterpolated, scenario_of
 from softgym_mj.reality.rope.simulation import CableSolver
 from softgym_mj.reality.water.comparison import EXPERIMENTS, PLAIN
-from tools.videos import DOCS, FOLDER, write_video
+from tools.videos import DOCS, write_video
 
 SIZE, WIDE = 240, 4  # Side of a picture [pixels]; times as large while it is drawn.
 SECOND = 12.5  # Pictures in a second of a film.
@@ -124,7 +124,7 @@ def rope(folder: pathlib.Path) -> None:
         np.vstack([np.hstack(row) for row in pictures])
         for pictures in zip(*(zip(*row, strict=True) for row in rows), strict=True)
     ]
-    write_video(frames, round(1e3 / SECOND), FOLDER / "rope-recorded.webp")
+    write_video(frames, round(1e3 / SECOND), DOCS / "renders" / "rope-recorded.webp")
     figure, axes = _plots(1, 2)
     for name, pair in curves.items():
         times = FRAME_TIME * np.arange(len(pair[0]))
@@ -160,7 +160,7 @@ def cloth(folder: pathlib.Path) -> None:
     frames = [
         np.hstack([drawn(nodes[i], "cloth, recorded"), drawn(moved[i], "simulated")]) for i in shown
     ]
-    write_video(frames, round(1e3 / SECOND), FOLDER / "cloth-recorded.webp")
+    write_video(frames, round(1e3 / SECOND), DOCS / "renders" / "cloth-recorded.webp")
 
 
 def water(folder: pathlib.Path) -> None:
