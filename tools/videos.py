@@ -34,9 +34,10 @@ ARMS: dict[str, dict[str, str]] = {
     "fold_cloth-tilted": {"actor": "franka", "action": "pose"},
     "pour_water-wrist": {"actor": "ur5e"},
 }
-# Variations of videos, else the task's example: where the policy carries that out of the picture,
-# or is done before anyone has seen it.
+# Variations of videos, else the task's example: where that ends crumpled, or the policy carries it
+# out of the picture, or is done before anyone has seen it.
 VARIATIONS = {
+    "drop_cloth": 800,
     "straighten_rope-sac": 991, "fold_cloth-sac": 805,
     "straighten_rope-distill": 991, "fold_cloth-distill": 805,
 }  # fmt: skip
