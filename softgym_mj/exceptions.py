@@ -117,6 +117,13 @@ def check_number(argument: str, value: float, **limits: float) -> None:
         raise InvalidArgumentError(argument, value, f"a number {valid}")
 
 
+def cpu_only(what: str) -> InvalidArgumentError:
+    """Returns the error for what batches do not support, such as "actor='franka'"."""
+    return InvalidArgumentError(
+        f"{what} is not available with device='host' or 'cuda': use device='cpu'"
+    )
+
+
 def check_image_size(argument: str, value: object, largest: int) -> tuple[int, int]:
     """Returns `value` as (height, width); both must be in 1..largest [pixels].
 
@@ -134,8 +141,11 @@ def check_image_size(argument: str, value: object, largest: int) -> tuple[int, i
 
 
 def install_extra(extra: str) -> str:
-    """Returns the instruction that installs an extra of this package."""
-    return f"run `pip install '.[{extra}]'` in a clone of softgym_mj"
+    """Returns the instruction that installs an extra of this package: in a clone, of a wheel."""
+    return (
+        f"run `pip install '.[{extra}]'` in a clone of softgym_mj, or for a wheel "
+        f"`pip install 'softgym_mj[{extra}] @ file:///PATH/OF/THE/WHEEL.whl'`"
+    )
 
 
 def import_extra(module: str, name: str, extra: str) -> Any:

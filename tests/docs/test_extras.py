@@ -1,4 +1,4 @@
-"""Commands and errors that install extras work in a clone and name extras that exist."""
+"""Commands and errors that install extras are for a clone or a wheel; the extras exist."""
 
 import pathlib
 import re
@@ -14,20 +14,23 @@ PAGES = [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
 SOURCES = [*(ROOT / "softgym_mj").rglob("*.py")]
 
 
-def test_extras_are_installed_from_a_clone():
+def test_extras_are_installed_from_a_clone_or_a_wheel():
     wrong = []
     for file in PAGES + SOURCES:
         text = file.read_text(encoding="utf-8")
         named = re.findall(r'import_extra\([^()]*"(\w+)"\)', text)
-        for group in re.findall(r"'?\.\[([\w,]+)\]'", text):
+        for group in re.findall(r"'(?:\.|softgym_mj)\[([\w,]+)\]", text):
             named += group.split(",")
-        if re.search(r"softgym_mj\[|pip install softgym_mj", text) or not set(named) <= set(EXTRAS):
+        on_index = re.search(r"softgym_mj\[(?![\w,{}]+\] @ file:)|pip install softgym_mj", text)
+        if on_index or not set(named) <= set(EXTRAS):
             wrong.append(str(file.relative_to(ROOT)))
     assert not wrong
 
 
 def test_a_missing_module_names_the_command():
-    with pytest.raises(UnavailableError, match=r"^Plots .*`pip install '\.\[plot\]'` in a clone"):
+    clone = r"`pip install '\.\[plot\]'` in a clone"
+    wheel = r"`pip install 'softgym_mj\[plot\] @ file:///PATH/OF/THE/WHEEL\.whl'`"
+    with pytest.raises(UnavailableError, match=rf"^Plots .*{clone}.* wheel .*{wheel}"):
         import_extra("no_such_module_here", "Plots", "plot")
 
 
