@@ -37,7 +37,7 @@ _LABELS = ("Goal", "Actions", "Observations", "Reward", "Bounds", "Horizon", "St
 # What the docstrings repeat of the sheet's tables, and references that other pages have.
 _ELSEWHERE = (
     r"\s*\(docs/softgym.md [^)]*\)",
-    r"docs/interface\.md\s+lists\s+the\s+others\.",
+    r"`OBSERVATIONS`\s+of\s+`tasks\.shared\.observations`\s+lists\s+the\s+others\.",
     r"\d+ env steps of \d+ sim steps; nothing else\s+ends an episode\.",
     r"`(?:reduced|full)`[\s\S]*?\.(?=\s+[A-Z`]|\s*$)",
 )

@@ -20,7 +20,7 @@ class DropCloth(HangingTask):
     Actions: per picker dx, dy, dz (1 is 0.01 m per sim step) and grip (closes if > 0), each in [-1,
     1].
     Observations: `reduced` (default) lists corners p1 p2 p3 p4 and picker 0, picker 1 (x, y, z
-    each): 18 entries [m]. docs/interface.md lists the others.
+    each): 18 entries [m]. `OBSERVATIONS` of `tasks.shared.observations` lists the others.
     Reward = performance: -(mean distance of the particles from their places) [m].
     Bounds: lower = performance at reset, upper = 0.
     Horizon: 30 env steps of 16 sim steps; nothing else ends an episode. The paper has 15 of 32

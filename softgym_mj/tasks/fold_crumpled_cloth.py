@@ -21,7 +21,7 @@ class FoldCrumpledCloth(LaidCloth):
     Actions: per picker dx, dy, dz (1 is 0.01 m per sim step) and grip (closes if > 0), each in [-1,
     1].
     Observations: `reduced` (default) lists corners p1 p2 p3 p4 and picker 0, picker 1 (x, y, z
-    each): 18 entries [m]. docs/interface.md lists the others.
+    each): 18 entries [m]. `OBSERVATIONS` of `tasks.shared.observations` lists the others.
     Reward = performance: -(mean distance of the pairs) - 1.2 (mean distance of the second half from
     its place) [m], over SoftGym's particles.
     Bounds: lower = performance at reset, upper = 0. The two layers lie 1 cm apart, so a perfect

@@ -20,7 +20,7 @@ class PourWater(PouringTask):
     fractions in the target's box and in the cup's. SoftGym's target entry moves with the cup; ours
     is its position. `full`: all particles (x, y, z each [m]), zeros up to the largest sample of the
     fidelity (8788 times 1/2, 1 or 2), then each cup's pose and inner size, and the proprioception
-    of an arm. docs/interface.md lists the others.
+    of an arm. `OBSERVATIONS` of `tasks.shared.observations` lists the others.
     Reward = performance: fraction of particles inside the target's box and outside the cup's, so
     lowering the cup into the target does not count. The cup's box rotates with it; SoftGym's stays
     axis-aligned.

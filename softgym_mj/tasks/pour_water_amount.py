@@ -84,7 +84,7 @@ class PourWaterAmount(PouringTask):
     target entry moves with the cup; ours is its position. `full`: all particles (x, y, z each [m]),
     zeros up to the largest sample of the fidelity (8788 times 1/2, 1 or 2), then each cup's pose
     and inner size, the height of the bar, t, and the proprioception of an arm.
-    docs/interface.md lists the others.
+    `OBSERVATIONS` of `tasks.shared.observations` lists the others.
     Reward = performance: -|floor(N t) - N_poured| / N with N particles, of which those inside the
     target's box and outside the cup's are poured. The cup's box rotates with it; SoftGym's stays
     axis-aligned.

@@ -72,7 +72,7 @@ class RopeConfiguration(Task):
     spaced, and picker 0, picker 1 (x, y, z each): 66 entries [m]. `full` lists all vertices, those
     of the goal and the pickers. `goal_rgb` is the task camera's image with the rope on the letter;
     other images show the letter with `goal_marks=True` only.
-    docs/interface.md lists the others.
+    `OBSERVATIONS` of `tasks.shared.observations` lists the others.
     Reward = performance: -(mean distance of the 10 key points from those of the goal, matched to
     minimize it) [m]; of all vertices with `matching="vertices"`.
     Bounds: lower = performance at reset, upper = 0. The goal has the rope's length and rests on the

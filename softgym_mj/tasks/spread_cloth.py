@@ -24,7 +24,7 @@ class SpreadCloth(Task):
     Actions: per picker dx, dy, dz (1 is 0.01 m per sim step) and grip (closes if > 0), each in [-1,
     1].
     Observations: `reduced` (default) lists corners p1 p2 p3 p4 and picker 0, picker 1 (x, y, z
-    each): 18 entries [m]. docs/interface.md lists the others.
+    each): 18 entries [m]. `OBSERVATIONS` of `tasks.shared.observations` lists the others.
     Reward = performance: covered area in top view [m^2].
     Bounds: lower = area at reset; upper = area of the flat cloth, (dimx - 1)(dimy - 1) rho^2,
     measured like the performance, so a flat cloth scores 1 in every orientation. SoftGym's bound

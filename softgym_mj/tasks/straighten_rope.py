@@ -24,7 +24,8 @@ class StraightenRope(Task):
     Actions: per picker dx, dy, dz (1 is 0.01 m per sim step) and grip (closes if > 0), each in [-1,
     1].
     Observations: `reduced` (default) lists 10 key points, evenly spaced along the rope, and picker
-    0, picker 1 (x, y, z each): 36 entries [m]. docs/interface.md lists the others.
+    0, picker 1 (x, y, z each): 36 entries [m]. `OBSERVATIONS` of
+    `tasks.shared.observations` lists the others.
     Reward = performance: -|d - 0.5|, with the distance d of the end vertices [m].
     Bounds: lower = -0.5 (the worst possible, not the start), upper = 0. The start lies well above
     the lower bound: `initial_normalized_performance` in info.

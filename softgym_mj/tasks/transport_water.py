@@ -41,7 +41,7 @@ class TransportWater(Task):
     of the highest particle [m], fractions in the cup and outside. `full`: all particles (x, y, z
     each [m]), zeros up to the largest sample of the fidelity (8788 times 1/2, 1 or 2), then the
     cup's pose and inner size, and the proprioception of an arm.
-    docs/interface.md lists the others.
+    `OBSERVATIONS` of `tasks.shared.observations` lists the others.
     Reward = performance: -|1.2 - x| - 10 * (fraction of particles outside the cup's box) [m].
     Bounds: lower = -1.2 (the start), upper = 0. Driving on to the end stop scores 0.833: a local
     optimum for learners.
