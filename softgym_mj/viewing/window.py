@@ -2,6 +2,7 @@
 
 import threading
 import time
+import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -50,7 +51,10 @@ def check_display(task: str) -> None:
     """
     import glfw
 
-    if not glfw.init():
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", glfw.GLFWError)  # The error below has the remedy.
+        is_open = glfw.init()
+    if not is_open:
         raise UnavailableError(
             "the viewer needs a display on which this user may draw; use a browser: "
             f"softgym-mj view {task} --browser, "

@@ -231,13 +231,14 @@ def test_a_viewer_that_cannot_start_points_to_the_browser():
 # ---------------------------------------------------------------------- the command
 
 
-def test_without_a_display_the_command_points_to_the_browser(monkeypatch):
+def test_without_a_display_the_command_points_to_the_browser(monkeypatch, recwarn):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     result = CliRunner().invoke(commands.app, ["view", "pour_water"])
     assert isinstance(result.exception, UnavailableError)
     assert "softgym-mj view pour_water --browser" in str(result.exception)
     assert "softgym-mj rollout pour_water --video videos" in str(result.exception)
+    assert not [warning for warning in recwarn if "GLFW" in type(warning.message).__name__]
 
 
 def test_the_command_tells_of_the_keys_and_opens_the_window(monkeypatch):
