@@ -24,9 +24,8 @@ _MUJOCO_SERIES = ".".join(mujoco.__version__.split(".")[:2])
 
 _log = logging.getLogger(__name__)
 _NOTICE = (
-    "Variation %d of %s does not ship with softgym_mj in these settings and is simulated now, as "
-    "others will be when first used: most take tenths of a second, crumpled cloths seconds. They "
-    "are kept in %s; `softgym-mj generate TASK --jobs N` makes all 1000 at once."
+    "Initial state %d of %s is not cached in %s; simulating it (under 1 s, crumpled cloth a few "
+    "seconds). Run `softgym-mj generate TASK --jobs N` to precompute all 1000."
 )
 
 

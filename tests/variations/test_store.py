@@ -27,7 +27,7 @@ def test_the_first_time_it_says_what_takes_long(store, caplog):
             store.load(index)
     (shown,) = caplog.records
     assert shown.levelname == "INFO"
-    for part in ("Variation 7", "simulated now", str(store.folder), "softgym-mj generate"):
+    for part in ("Initial state 7", "is not cached in", str(store.folder), "softgym-mj generate"):
         assert part in shown.getMessage()
 
 
