@@ -6,7 +6,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import InvalidArgumentError, cpu_only
 from softgym_mj.rendering.batch.deformables import add_deformable
 from softgym_mj.rendering.batch.layout import ARRAYS, EYE, LIGHT, SCENE, TEXTURE
 from softgym_mj.rendering.batch.materials import depth_of, levels_of, sky_of
@@ -50,7 +50,7 @@ def describe(
         InvalidArgumentError: If the batch renderer does not support something in the model.
     """
     if look_of(model) is not FAST:
-        raise InvalidArgumentError("look", look_of(model).name, f"{FAST.name!r}, on this device")
+        raise cpu_only(f"look={look_of(model).name!r}, with images,")
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_camlight(model, data)

@@ -9,7 +9,7 @@ import numpy as np
 from array_api_compat import is_torch_array
 
 from softgym_mj.envs.snapshots import Snapshot
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import InvalidArgumentError, cpu_only
 from softgym_mj.metrics import Array
 from softgym_mj.robots.gripper import HELD
 from softgym_mj.tasks.shared.observations import STATES
@@ -162,4 +162,4 @@ class BatchBackend(BatchEpisodes):
             steps = np.array([int(share * self.horizon) for (share,), _ in arguments])
             self._at["count"] += self._device.put(steps)
             return (None,) * self.num_envs
-        raise InvalidArgumentError("name", name, "'horizon' or 'shorten', on this device")
+        raise cpu_only(f"name={name!r}")

@@ -7,7 +7,7 @@ import numpy as np
 
 from softgym_mj.batch.device import Device
 from softgym_mj.envs.environment import Environment
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import cpu_only
 from softgym_mj.metrics import Array
 from softgym_mj.rendering.batch import Described, Pictures, describe
 from softgym_mj.rendering.observables import EXTERNAL, EXTERNAL_RGB
@@ -69,9 +69,7 @@ class Cameras:
             return
         faults = [name for name in task.domain.varying if name.startswith(_FAULTS)]
         if faults and any(image.shows == "colors" for image in self._images.values()):
-            raise InvalidArgumentError(
-                "domain", faults, "none of these sensor faults, with images on this device"
-            )
+            raise cpu_only(f"images with the sensor faults {faults}")
         self._has_marks = task.goal_marks
         name, image = next(iter(self._images.items()))
         shape = env.observation_spec()[name].shape[image.is_stack :]

@@ -8,7 +8,7 @@ from softgym_mj.batch.device import Device
 from softgym_mj.cloth.batch_solver import KEPT_PAIRS, ClothBatchSolver, describe
 from softgym_mj.entities.flex import edge_strains, highest_speed, is_overloaded
 from softgym_mj.envs.environment import Environment
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import cpu_only
 from softgym_mj.metrics import Array, constant, lengths
 from softgym_mj.robots.grip import remembered
 from softgym_mj.robots.pick_and_place import PixelPickAndPlace
@@ -44,11 +44,9 @@ class ClothBatch(BatchPhysics):
         """
         task, flexes = env.task, env.task.flexes.flexes
         if not _is_known(type(task.actor)):
-            valid = f"{Picker.name!r} or {PixelPickAndPlace.name!r}, on this device"
-            raise InvalidArgumentError("actor", task.actor.name, valid)
+            raise cpu_only(f"actor={task.actor.name.split('/')[0]!r}")
         if len(flexes) != 1 or len(task.objects) != 1:
-            valid = "one rope, cloth or water, on this device"
-            raise InvalidArgumentError("objects", [*task.scene.materials], valid)
+            raise cpu_only(f"a task with several objects {[*task.scene.materials]}")
         self._env, self._flex, self._actor = env, flexes[0], task.actor
         self._name = next(iter(task.scene.materials))
         self._device, self._xp, actor = device, device.xp, task.actor

@@ -10,7 +10,7 @@ from softgym_mj.batch.device import Device
 from softgym_mj.batch.solver import NOT_FINITE
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.envs.snapshots import Snapshot
-from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, check_count
+from softgym_mj.exceptions import LifecycleError, check_count, cpu_only
 from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.grip import may_be
 from softgym_mj.robots.gripper import HELD
@@ -58,7 +58,7 @@ class BatchEpisodes(Backend):
             InvalidArgumentError: If the task or a setting is not supported in batches.
         """
         if example.render_mode is not None:
-            raise InvalidArgumentError("render_mode", example.render_mode, "None, on this device")
+            raise cpu_only(f"render_mode={example.render_mode!r}")
         self._example, self._device, self._xp = example, device, device.xp
         self._task, self.horizon = example.dm_env.task, example.horizon
         self._names = _observations(example)
@@ -270,5 +270,5 @@ def _observations(example: SoftGymEnv) -> tuple[str, ...]:
     names, known = tuple(example.dm_env.observation_spec()), (*STATES, HELD, *IMAGES)
     for name in names:
         if name not in known:
-            raise InvalidArgumentError("observation", name, known)
+            raise cpu_only(f"observation={name!r}")
     return names

@@ -7,7 +7,7 @@ import numpy as np
 from softgym_mj.batch.device import Device
 from softgym_mj.entities.cup_poses import whole_pose
 from softgym_mj.envs.environment import Environment
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import cpu_only
 from softgym_mj.fluid.batch_solver import FluidBatchSolver, describe
 from softgym_mj.metrics import Array, columns
 from softgym_mj.robots.base import SIM_STEP
@@ -33,10 +33,9 @@ class FluidBatch(BatchPhysics):
         """
         task, self._env = env.task, env
         if type(task.actor) is not CupMover:
-            raise InvalidArgumentError("actor", task.actor.name, "'cup', on this device")
+            raise cpu_only(f"actor={task.actor.name.split('/')[0]!r}")
         if len(task.scene.materials) != 1:
-            valid = "one rope, cloth or water, on this device"
-            raise InvalidArgumentError("objects", [*task.scene.materials], valid)
+            raise cpu_only(f"a task with several objects {[*task.scene.materials]}")
         (self._name,) = task.scene.materials
         self._water, self._mover, self._cups = (
             task.scene.materials[self._name], task.actor, task.scene.cups,

@@ -12,7 +12,7 @@ from softgym_mj.batch.device import CpuDevice, Device
 from softgym_mj.envs.environment import Environment
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.envs.snapshots import Snapshot
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import cpu_only
 from softgym_mj.parallel.executors import make_executor
 from softgym_mj.rendering.observables import blank_images
 from softgym_mj.tasks.shared.base import Task
@@ -106,10 +106,9 @@ class InitialStateCache:
         """
         for method in _OF_ONE:
             if getattr(type(env.task), method) is not getattr(Task, method):
-                valid = f"one whose class defines no {method}, on this device"
-                raise InvalidArgumentError("task", env.name, valid)
+                raise cpu_only(f"task={env.name!r}, whose class defines {method},")
         if env.task.counts_intersections:
-            raise InvalidArgumentError("count_intersections", True, "False, on this device")
+            raise cpu_only("count_intersections=True")
         self._env, self._physics, self._cameras, self._make = env, physics, cameras, make
         self.rows = PaddedRows(1, device)
         self._known: dict[Any, int] = {}
