@@ -33,6 +33,9 @@ class Symmetry(NamedTuple):
     pickers: tuple[int, ...]
 
 
+WITHOUT = "train without symmetries: --settings '{\"symmetric\": false}'"
+SYMMETRIC = f"a task whose class defines `symmetries`; or {WITHOUT}"
+
 # Order of a cloth's corners by (row, column): (0, 0), (last, 0), (0, last), (last, last).
 _CORNERS = {
     "same": (0, 1, 2, 3), "rows": (1, 0, 3, 2), "columns": (2, 3, 0, 1), "both": (3, 2, 1, 0),
@@ -50,10 +53,9 @@ def symmetries(env: Environment) -> list[Symmetry]:
     """
     task = env.task
     if not task.symmetries:
-        valid = "a task whose class defines `symmetries`; or set symmetric to False"
-        raise InvalidArgumentError("task", env.name, valid)
+        raise InvalidArgumentError("task", env.name, SYMMETRIC)
     if task.actor.name != "picker":
-        raise InvalidArgumentError("actor", task.actor.name, "'picker'")
+        raise InvalidArgumentError("actor", task.actor.name, f"'picker'; or {WITHOUT}")
     number = task.actor.num_grippers
     orders = [tuple(range(number)), tuple(reversed(range(number)))][: min(number, 2)]
     entries = task.reduced(task.scene.state(), task.episode)

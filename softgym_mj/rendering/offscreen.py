@@ -40,10 +40,13 @@ GLASS_GROUP = 1  # Group of translucent geoms, hidden to show what is behind the
 
 def _remedy(backend: str) -> str:
     """Returns advice for a value of MUJOCO_GL that does not work."""
+    if backend == "disable" and any(map(ctypes.util.find_library, _LIBRARIES.values())):
+        return "Unset MUJOCO_GL and start Python again."
     packages = _PACKAGES.get(backend, _PACKAGES["egl"])
+    others = " or ".join(name for name in (*_LIBRARIES, "glfw") if name != backend)
     return (
         f"Install software OpenGL with `apt-get install -y {packages}`, unset MUJOCO_GL "
-        "(or set it to egl, osmesa or glfw) and start Python again."
+        f"(or set it to {others}) and start Python again."
     )
 
 
@@ -222,8 +225,9 @@ class CameraView:
                     "render, reset and step it in that thread only, or make one in each thread"
                 ) from error
             backend = os.environ.get("MUJOCO_GL", "")
+            reason = "" if backend == "disable" else f" ({str(error).rstrip('.')})"
             raise UnavailableError(
-                f"off-screen rendering failed with MUJOCO_GL={backend!r}: {error}. "
+                f"off-screen rendering failed with MUJOCO_GL={backend!r}{reason}. "
                 f"{_remedy(backend)}"
             ) from error
 

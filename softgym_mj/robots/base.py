@@ -160,9 +160,12 @@ class Actor(abc.ABC):
         limit = 1.0 + BOUND_TOLERANCE
         if not np.abs(array).max() <= limit:  # True for NaN as well.
             bad = np.flatnonzero(~(np.abs(array) <= limit))
+            advice = "clip the action first, for example with numpy.clip(action, -1, 1)."
+            if np.isnan(array).any():
+                advice = "NaN comes from the policy or its input, and clipping does not remove it."
             raise InvalidArgumentError(
                 f"action{bad.tolist()} = {array[bad].tolist()} must be finite and within [-1, 1]; "
-                "clip the action first, for example with numpy.clip(action, -1, 1)."
+                f"{advice}"
             )
         return array
 

@@ -185,7 +185,7 @@ class Raises:
 
 # Actions and what the message says of them.
 BAD_ACTIONS = {
-    "nan": ([0, 0, np.nan, 0, 0, 0, 0, 0], "[2]", "nan", "[-1, 1]"),
+    "nan": ([0, 0, np.nan, 0, 0, 0, 0, 0], "[2]", "nan", "[-1, 1]", "does not remove"),
     "inf": ([0, np.inf, 0, 0, 0, 0, 0, 0],),
     "1.5": ([0, 0, 0, 1.5, 0, 0, 0, 0], "[3]", "1.5", "[-1, 1]", "numpy.clip"),
     "-2": ([-2, 0, 0, 0, 0, 0, 0, 0], "[0]", "-2.0", "[-1, 1]"),
@@ -528,8 +528,9 @@ def test_without_opengl():
     assert len(lines) == 4
     for line in lines[1:3]:
         assert line.startswith("UnavailableError")
-        assert re.search(r"apt-get install -y .*libegl1", line)
-        assert "MUJOCO_GL='disable'" in line
+        assert line.endswith(
+            "failed with MUJOCO_GL='disable'. Unset MUJOCO_GL and start Python again."
+        )
     assert lines[3] == "goes on"
 
 

@@ -99,6 +99,9 @@ def check_entries(method: str, entries: Entries) -> None:
             raise InvalidArgumentError(f"{method}()[{name!r}]", array, valid)
 
 
+_MEASURES = "`Measures`: return Measures(performance, {name: reward})"  # A function's value.
+
+
 def checked(measures: object) -> Measures:
     """Returns the measures of one simulation as Python numbers.
 
@@ -107,7 +110,7 @@ def checked(measures: object) -> Measures:
             of `INFO_NAMES`, or one that begins with "reward_" or "domain_".
     """
     if not isinstance(measures, Measures):
-        raise InvalidArgumentError("measure()", measures, "`Measures`")
+        raise InvalidArgumentError("measure()", measures, _MEASURES)
     groups = {"rewards": measures.rewards, "info": measures.info}
     for group, values in groups.items():
         if not isinstance(values, dict):
