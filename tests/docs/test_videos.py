@@ -28,7 +28,8 @@ def test_every_task_has_a_small_moving_picture():
     for file in files.values():
         with Image.open(file) as picture:
             assert picture.size == (videos.SIZE, videos.SIZE)
-            assert picture.n_frames > 20 and picture.info["loop"] == 0
+            # WebP joins equal pictures: of a drop, which is short, 20 are left.
+            assert picture.n_frames >= 20 and picture.info["loop"] == 0
 
 
 def test_it_ends_when_nothing_moves_any_more():
