@@ -1,5 +1,7 @@
 """The command `softgym-mj train`."""
 
+import dataclasses
+import json
 import pathlib
 from typing import Annotated, Any
 
@@ -87,6 +89,12 @@ def train(
     ] = 1,
     ray: Ray = None,
     log: Annotated[str, typer.Option(help="none, tensorboard or wandb.")] = "none",
+    show_settings: Annotated[
+        bool,
+        typer.Option(
+            "--show-settings", help="Print all settings as JSON, as --settings takes them; no run."
+        ),
+    ] = False,
     out: Annotated[pathlib.Path, typer.Option(help="Folder of this training.")] = pathlib.Path(
         "training"
     ),
@@ -95,6 +103,7 @@ def train(
     import_extra("torch", "PyTorch", "learning")
     from softgym_mj.learning import logs, reports
     from softgym_mj.learning.registry import find_preset, preset_names
+    from softgym_mj.learning.setup import check_settings
     from softgym_mj.learning.spreading import train_each
     from softgym_mj.learning.training import Training
 
@@ -112,6 +121,12 @@ def train(
     if arguments := parsed_settings(task_settings):
         chosen["arguments"] = arguments
     training, result = find_preset(method, preset, find(task).name, **chosen)
+    if show_settings:
+        everything = {**dataclasses.asdict(training), **dataclasses.asdict(result.settings)}
+        del everything["task"]
+        typer.echo(json.dumps(everything, indent=2))
+        return
+    check_settings(training, result)
     if "cuda" in (device, learner_device):
         _check_gpu(method, task, preset if _CPU_PRESET not in preset_names(method) else _CPU_PRESET)
     try:

@@ -113,7 +113,8 @@ def find_preset(
         preset: Preset of the method, such as "paper" or "fast"; of a module, a key of its `PRESETS`
             or, if it has none, "fast" (the defaults).
         task: Task name.
-        **replaced: Settings of the training or the method that replace the preset's.
+        **replaced: Settings of the training or the method that replace the preset's. Without
+            `part`, `env_steps` shorten it to their largest divisor, if that is not much shorter.
 
     Raises:
         InvalidArgumentError: for an unknown name or a bad value.
@@ -133,9 +134,27 @@ def find_preset(
         if not parts:
             raise InvalidArgumentError("settings", key, sorted(names["training"] | names["method"]))
         result[parts[0]][key] = value
+    if "part" not in replaced:
+        _fit_part(result["training"])
     method = find_method(name, **{key: _tuples(value) for key, value in result["method"].items()})
     named = preset if LABELED.issuperset(replaced) else "custom"
     return TrainingSettings(task, **result["training"]), dataclasses.replace(method, preset=named)
+
+
+def _fit_part(training: dict[str, Any]) -> None:
+    """Shortens a part to the largest divisor of the env steps that is a multiple of num_envs.
+
+    It stays as it is if less than half would be left, since each part ends with an evaluation, or
+    for values of a wrong type; `TrainingSettings` then raises the error.
+    """
+    defaults = {field.name: field.default for field in dataclasses.fields(TrainingSettings)}
+    values = (training.get(name, defaults[name]) for name in ("env_steps", "part", "num_envs"))
+    env_steps, part, num_envs = values
+    if not all(type(value) is int and value > 0 for value in (env_steps, part, num_envs)):
+        return
+    longest = min(part, env_steps)
+    fitting = range(longest // num_envs * num_envs, longest // 2, -num_envs)
+    training["part"] = next((size for size in fitting if env_steps % size == 0), part)
 
 
 def _check_sizes(settings: Any) -> None:

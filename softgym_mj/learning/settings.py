@@ -80,13 +80,14 @@ class TrainingSettings:
             check_count(name, getattr(self, name), 1, len(SPLITS["evaluate"]))
         for name in ("env_steps", "part"):
             if getattr(self, name) % self.num_envs:
-                raise InvalidArgumentError(
-                    name, getattr(self, name), f"a multiple of num_envs={self.num_envs}"
-                )
+                low = getattr(self, name) // self.num_envs * self.num_envs
+                near = " or ".join(str(n) for n in (low, low + self.num_envs) if n)
+                valid = f"a multiple of num_envs={self.num_envs}, such as {near}"
+                raise InvalidArgumentError(name, getattr(self, name), valid)
         if self.learned_steps is not None:
             check_count("learned_steps", self.learned_steps, 1)
         if self.env_steps % self.part:
-            valid = f"a multiple of part={self.part}"
+            valid = f"a multiple of part={self.part}, itself a multiple of num_envs={self.num_envs}"
             raise InvalidArgumentError("env_steps", self.env_steps, valid)
 
     @property

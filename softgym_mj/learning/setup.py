@@ -16,6 +16,21 @@ from softgym_mj.learning.exploring import Explorer, problem_of
 from softgym_mj.learning.learner import Learner, Method, Offline, check_random_steps
 from softgym_mj.learning.players import Players
 from softgym_mj.learning.settings import TrainingSettings
+from softgym_mj.learning.symmetries import SYMMETRIC
+from softgym_mj.registry import find
+
+
+def check_settings(settings: TrainingSettings, method: Method) -> None:
+    """Checks settings of training and method together, without creating environments.
+
+    Raises:
+        InvalidArgumentError: if random steps leave none to learn from; for symmetric replay of a
+            task without symmetries.
+    """
+    check_random_steps(method.settings, settings.env_steps, settings.num_envs)
+    has_symmetries = bool(find(settings.task).resolve().symmetries)
+    if getattr(method.settings, "symmetric", False) and not has_symmetries:
+        raise InvalidArgumentError("task", settings.task, SYMMETRIC)
 
 
 @dataclasses.dataclass
@@ -52,7 +67,7 @@ class TrainingSetup:
 
     def __post_init__(self):
         settings = self.settings
-        check_random_steps(self.method.settings, settings.env_steps, settings.num_envs)
+        check_settings(settings, self.method)
         self._begun, self._before = time.perf_counter(), 0.0  # Start; seconds of earlier sessions.
         # Vector steps of the part so far, their actions (seeds, num_envs, n), and the learner's
         # memory.
