@@ -53,7 +53,8 @@ def images() -> str:
         else:
             cells += ["not yet"] * 2
         rows.append(f"| `{task}` | {' | '.join(cells)} |")
-    head = "| task | without | with rgb | share | overlap, mean (least) | difference in color |"
+    rates = "env steps/s without images | with rgb | with / without"
+    head = f"| task | {rates} | overlap, mean (least) | difference in color |"
     return table(head, rows)
 
 
