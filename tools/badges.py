@@ -1,5 +1,7 @@
 """Writes Colab's badges into the notebooks and the README's list of them.
 
+The notebooks' first cell then installs the package from that repository, instead of the clone.
+
     python -m tools.badges OWNER/NAME
 
 of the repository on GitHub from which Colab reads them; those of another one are replaced.
@@ -14,6 +16,9 @@ ROOT = pathlib.Path(__file__).parent.parent
 BRANCH = "main"
 PICTURE = "https://colab.research.google.com/assets/colab-badge.svg"
 _BADGE = re.compile(r"\s*\[!\[Open in Colab\]\([^)]*\)\]\([^)]*\)")
+_INSTALLED = re.compile(
+    r"""(%pip install --quiet )"?(?:\.\.|softgym_mj)(?P<extras>\[[\w,]+\])?(?: @ \S+)?"?(?=\s|$)"""
+)
 _LISTED = re.compile(r"\[\w+\]\((notebooks/\w+\.ipynb)\)")
 
 
@@ -32,6 +37,19 @@ def titled(text: str, repository: str, path: str) -> str:
     """The first cell of a notebook, with its badge below the title."""
     title, *rest = _BADGE.sub("", text).split("\n")
     return "\n".join([title, "", badge(repository, path), *rest])
+
+
+def installing(code: str, repository: str) -> str:
+    """A notebook's first code cell that installs the package from GitHub.
+
+    Args:
+        code: the cell; it installs the clone or another repository.
+        repository: "owner/name".
+    """
+    address = f"git+https://github.com/{repository}"
+    return _INSTALLED.sub(
+        lambda found: f'{found[1]}"softgym_mj{found["extras"] or ""} @ {address}"', code
+    )
 
 
 def listed(text: str, repository: str) -> str:
@@ -53,6 +71,8 @@ def main(repository: str) -> None:
         first = notebook["cells"][0]
         text = titled("".join(first["source"]), repository, f"notebooks/{file.name}")
         first["source"] = text.splitlines(keepends=True)
+        code = next(cell for cell in notebook["cells"] if cell["cell_type"] == "code")
+        code["source"] = installing("".join(code["source"]), repository).splitlines(keepends=True)
         file.write_text(json.dumps(notebook, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     readme = ROOT / "README.md"
     readme.write_text(listed(readme.read_text(encoding="utf-8"), repository), encoding="utf-8")

@@ -39,4 +39,8 @@ def test_the_first_code_installs_what_is_missing(file):
     assert 'if find_spec("softgym_mj") is None:' in first
     words = "stable_baselines3", ".pt2"  # PyTorch loads policies from such files.
     needs_libraries = any(word in text for text in texts for word in words)
-    assert ('%pip install --quiet "softgym_mj[rl]"' in first) == needs_libraries
+    assert ('%pip install --quiet "..[rl]"' in first) == needs_libraries
+    published = badges.installing(first, "a/b")
+    extras = "[rl]" if needs_libraries else ""
+    assert f'%pip install --quiet "softgym_mj{extras} @ git+https://github.com/a/b"' in published
+    assert badges.installing(published, "c/d") == published.replace("a/b", "c/d")
