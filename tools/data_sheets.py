@@ -15,8 +15,10 @@ from collections.abc import Mapping
 from softgym_mj.envs.environment import Environment
 from softgym_mj.envs.load import load
 from softgym_mj.registry import TASKS, TaskRecord
+from softgym_mj.robots.arm.grasps import PICK_DISTANCE
 from softgym_mj.robots.arm.models import ARMS
 from softgym_mj.robots.gripper import Gripper
+from softgym_mj.robots.picker import Picker
 from softgym_mj.tasks import Task
 from softgym_mj.tasks.shared.observations import STATES
 from tools import interface_page
@@ -92,14 +94,17 @@ def actors(tasks: Mapping[str, Task], horizon: int) -> str:
     )
 
 
-def workspace(actor: Gripper) -> str:
-    """The box of a picker's center."""
+def workspace(actor: Picker) -> str:
+    """The box of a picker's center and the grasp distances."""
     low, high = actor.limits
-    return (
+    hand = "[with hands](../custom_tasks.md#writing-an-expert)"
+    sentences = (
         f"Workspace of a picker's center: {numbers(high[0] - low[0])} m along X, "
         f"{numbers(high[1] - low[1])} m along Y, Z from {numbers(low[2])} to "
-        f"{numbers(high[2])} m.\n"
+        f"{numbers(high[2])} m. A closing picker grasps the nearest vertex within "
+        f"{numbers(actor.pick_distance, digits=5)} m of its center ({hand}: {PICK_DISTANCE:g} m)."
     )
+    return textwrap.fill(sentences, 120, break_on_hyphens=False) + "\n"
 
 
 def camera(env: Environment, arms: Environment) -> str:
@@ -139,7 +144,8 @@ def sheet(name: str) -> str:
     scores = json.loads(EXPERTS.read_text())
     facts = {
         "Gymnasium id": f"`{record.gymnasium_id}`",
-        "kind": ", ".join(record.tags),
+        "level": record.tags[0],
+        "material": ", ".join(record.tags[1:]),
         "success": f"normalized performance of at least {task.success:g}",
         "scripted expert": expert(scores[name]["default"]["scores"], task.success)
         if name in scores
@@ -159,7 +165,7 @@ def sheet(name: str) -> str:
         "" if isinstance(task.actor, Gripper) else text["Actions"],
         actors(tasks, record.horizon),
         text["Horizon"],
-        workspace(task.actor) if isinstance(task.actor, Gripper) else "",
+        workspace(task.actor) if isinstance(task.actor, Picker) else "",
         "## Observations\n",
         f"[Sizes](../interface.md#observations): {', '.join(sizes)}. `reduced`, the default:\n",
         entry_table(reduced_entries(task)),

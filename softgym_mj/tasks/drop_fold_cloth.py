@@ -11,8 +11,8 @@ class DropFoldCloth(HangingTask):
     """Drop a hanging cloth so that it lies folded in half.
 
     Goal: column i of the second half of SoftGym's particles lies at x = i rho, with rows centered
-    about Y = 0; columns 0 to half lie on their mirror columns. The two pickers cannot move below
-    0.55 m, so the cloth must be swung.
+    about Y = 0; the columns of the first half lie on their mirror columns. The two pickers cannot
+    move below 0.55 m, so the cloth must be swung.
     Actions: per picker dx, dy, dz (1 is 0.01 m per sim step) and grip (closes if > 0), each in [-1,
     1].
     Observations: `reduced` (default) lists corners p1 p2 p3 p4 and picker 0, picker 1 (x, y, z

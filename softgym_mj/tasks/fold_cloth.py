@@ -15,9 +15,9 @@ from softgym_mj.tasks.shared.symmetry import anywhere
 class FoldCloth(LaidCloth):
     """Fold a flat cloth in half.
 
-    Goal: the half of the cloth beside the pickers (columns 0 to half) lies on the other half, each
-    particle on its mirror image; the other half has not moved. A strip in the color of the cloth's
-    other side marks the half to fold.
+    Goal: the half of the cloth near the pickers (the first half of its columns, from -X) lies on
+    the other half, each particle on its mirror image; the other half has not moved. A strip in
+    the color of the cloth's other side marks the half to fold.
     Actions: per picker dx, dy, dz (1 is 0.01 m per sim step) and grip (closes if > 0), each in [-1,
     1].
     Observations: `reduced` (default) lists corners p1 p2 p3 p4 and picker 0, picker 1 (x, y, z

@@ -15,9 +15,9 @@ from softgym_mj.tasks.shared.symmetry import mirrored
 class FoldCrumpledCloth(LaidCloth):
     """Spread a crumpled cloth, then fold it in half.
 
-    Goal: columns 0 to half of the cloth lie on the other half, each particle on its mirror image;
-    the other half lies as in a flat cloth at the origin. A strip in the color of the cloth's other
-    side marks the half to fold.
+    Goal: the first half of the cloth's columns lies on the other half, each particle on its mirror
+    image; the other half lies as in a flat cloth at the origin. A strip in the color of the
+    cloth's other side marks the half to fold.
     Actions: per picker dx, dy, dz (1 is 0.01 m per sim step) and grip (closes if > 0), each in [-1,
     1].
     Observations: `reduced` (default) lists corners p1 p2 p3 p4 and picker 0, picker 1 (x, y, z

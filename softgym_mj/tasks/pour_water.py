@@ -26,7 +26,7 @@ class PourWater(PouringTask):
     axis-aligned.
     Bounds: lower = 0 (the start), upper = 1.
     Horizon: 100 env steps of 8 sim steps; nothing else ends an episode.
-    Start: 224 to 8788 of SoftGym's particles at rest in a cup that fits them, and a target cup 0.27
+    Start: 224 to 8788 of SoftGym's particles at rest in a cup sized for them, and a target cup 0.27
     to 1.3 m away (docs/softgym.md 3.2), at least 2 cm clear.
     """
 

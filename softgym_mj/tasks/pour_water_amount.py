@@ -89,9 +89,10 @@ class PourWaterAmount(PouringTask):
     target's box and outside the cup's are poured. The cup's box rotates with it; SoftGym's stays
     axis-aligned.
     Bounds: lower = performance at reset, upper = 0 (SoftGym's 1 cannot be reached).
-    Horizon: 100 env steps of 8 sim steps; nothing else ends an episode. PourWater's policies fit.
-    SoftGym's code simulates 16 sim steps at half the speed by mistake (docs/softgym.md 5, row 41).
-    Start: 224 to 8788 of SoftGym's particles at rest in a cup that fits them, and a target cup 0.27
+    Horizon: 100 env steps of 8 sim steps; nothing else ends an episode. PourWater has the same
+    actions and step, so its policies can be loaded here. SoftGym's code simulates 16 sim steps at
+    half the speed by mistake (docs/softgym.md 5, row 41).
+    Start: 224 to 8788 of SoftGym's particles at rest in a cup sized for them, and a target cup 0.27
     to 1.3 m away (docs/softgym.md 3.2), at least 2 cm clear.
     """
 

@@ -46,7 +46,7 @@ class TransportWater(Task):
     Bounds: lower = -1.2 (the start), upper = 0. Driving on to the end stop scores 0.833: a local
     optimum for learners.
     Horizon: 75 env steps of 8 sim steps; nothing else ends an episode.
-    Start: 224 to 8788 of SoftGym's particles at rest in an upright cup at x = 0 that fits them
+    Start: 224 to 8788 of SoftGym's particles at rest in an upright cup at x = 0, sized for them
     (docs/softgym.md 3.1).
     """
 
