@@ -52,11 +52,10 @@ def results() -> str:
     """
     lines = []
     for line in (line for line in numbers_of(rows(), references()) if line["preset"] != "small"):
+        score = _ranged(line, "median", "percentile_25", "percentile_75") + _mark(line)
         numbers = [
-            _ranged(line, "median", "percentile_25", "percentile_75") + _mark(line),
             _ranged(line, "iqm", "iqm_low", "iqm_high"),
             f"{line['min']:.2f}",
-            f"{line['success_rate']:.2f}",
             _optional(line["gap"], ".2f"),
             str(line["seeds"]),
             str(line["episodes"]),
@@ -65,11 +64,13 @@ def results() -> str:
             _optional(line["minutes"], ".0f"),
             _optional(line["published"], ".2f"),
         ]
-        how = [line[key] for key in ("method", "observation", "preset", "replay")]
-        lines.append(_row(f"`{line['task']}`", *how, *numbers))
+        method, *how = (line[key] for key in ("method", "observation", "preset", "replay"))
+        success = f"{line['success_rate']:.2f}"
+        lines.append(_row(f"`{line['task']}`", method, score, success, *how, *numbers))
     titles = (
-        "| task | method | observation | preset | replay | median (quartiles) | IQM (95 %) | least "
-        "| success | train - held out | seeds | episodes | env steps | updates | minutes | others |"
+        "| task | method | median (quartiles) | success | observation | preset | replay "
+        "| IQM (95 %) | least | train - held out | seeds | episodes | env steps | updates "
+        "| minutes | others |"
     )
     found = table(titles, lines)
     if curves(rows()):

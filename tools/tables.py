@@ -21,12 +21,15 @@ from tools import (
     framing,
     gallery,
     gpu_tables,
+    grasp_table,
     lab_tables,
     learned,
     presets,
+    published_commands,
     reality_table,
     rod_tables,
     rope_tables,
+    settings_table,
     water_tables,
 )
 from tools.pages import between, table, with_table
@@ -44,6 +47,7 @@ DOCS = ROOT / "docs"
     REALITY,
     PHYSICS,
     LEARNING,
+    CUSTOM,
 ) = (
     ROOT / "README.md",
     DOCS / "domain.md",
@@ -55,8 +59,21 @@ DOCS = ROOT / "docs"
     DOCS / "reality.md",
     DOCS / "physics.md",
     DOCS / "learning.md",
+    DOCS / "custom_tasks.md",
 )
-PAGES = README, DOMAIN, ROBOTS, VALIDATION, RESULTS, PICTURES, GPU, REALITY, PHYSICS, LEARNING
+PAGES = (
+    README,
+    DOMAIN,
+    ROBOTS,
+    VALIDATION,
+    RESULTS,
+    PICTURES,
+    GPU,
+    REALITY,
+    PHYSICS,
+    LEARNING,
+    CUSTOM,
+)
 POLICIES = ("zero", "random", "scripted", "cem", "icem")
 
 
@@ -216,7 +233,7 @@ def stills() -> str:
     for name in TASKS:
         shown = (f"![{name}, {actor}](gallery/{name}-{actor}.jpg)" for actor in gallery.ACTORS)
         rows.append(f"| `{name}` | {' | '.join(shown)} |")
-    return table(f"| task | pickers, cup | {' | '.join(f'`{arm}`' for arm in ARMS)} |", rows)
+    return table(f"| task | abstract actor | {' | '.join(f'`{arm}`' for arm in ARMS)} |", rows)
 
 
 def pages() -> dict[pathlib.Path, str]:
@@ -237,6 +254,9 @@ def pages() -> dict[pathlib.Path, str]:
             texts[REALITY] = between(texts[REALITY], name, of())
     texts[PHYSICS] = between(texts[PHYSICS], "lab", lab_tables.kept())
     texts[LEARNING] = between(texts[LEARNING], "presets", presets.presets())
+    texts[LEARNING] = between(texts[LEARNING], "settings", settings_table.sac())
+    texts[CUSTOM] = between(texts[CUSTOM], "grasps", grasp_table.grasps())
+    texts[RESULTS] = between(texts[RESULTS], "commands", published_commands.commands())
     texts[DOMAIN] = with_table(texts[DOMAIN], parameters())
     texts[VALIDATION] = between(texts[VALIDATION], "experts", experts.table(scores))
     texts[VALIDATION] = between(texts[VALIDATION], "cameras", pictures())

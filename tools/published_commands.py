@@ -1,0 +1,28 @@
+"""Commands behind the published rows of docs/results/learning.csv, by the queue of runs."""
+
+from softgym_mj.learning.results import Name
+from softgym_mj.learning.tables import table as numbers_of
+from tools import learned
+from tools.pages import table
+from tools.queued_runs import QueuedRun, read_queue
+
+
+def commands() -> str:
+    """Returns the table of commands, with a row for each published row that the queue has."""
+    rows, queue = learned.rows(), read_queue(learned.RESULTS / "queue.toml")
+    found = []
+    for line in (line for line in numbers_of(rows, []) if line["preset"] != "small"):
+        name = Name(*(line[key] for key in Name._fields))
+        own = [row for row in rows if row.name == name]
+        run = next((run for run in queue if _is_of(run, name) and run.is_done(own)), None)
+        if run is not None:
+            cells = f"`{name.task}`", name.method, name.observation, name.preset, name.replay
+            found.append(f"| {' | '.join(cells)} | `{run.command}` |")
+    return table("| task | method | observation | preset | replay | command |", found)
+
+
+def _is_of(run: QueuedRun, name: Name) -> bool:
+    """Returns whether a run has the row's task, method, observation and replay."""
+    return (run.task, run.method, run.observation, run.replay) == (
+        name.task, name.method, name.observation, name.replay
+    )  # fmt: skip
