@@ -26,6 +26,7 @@ PAGES = {
 }
 _SOURCES = {page: source for source, page in PAGES.items()}
 COPIES = ["CITATION.cff"]  # Files that pages link to and that are copied as they are.
+API_BOOST = 0.25  # Factor of the API pages' rank in the site's search.
 _LINK = re.compile(r"(\]\()(?!https?:|#)([^)#\s]+)")
 
 
@@ -70,6 +71,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """Resolves links to files of the repository; the edit link leads to the page's source."""
     here = page.file.src_uri
+    if here.startswith("reference/"):  # Guides are listed before the API in searches.
+        page.meta["search"] = {"boost": API_BOOST}
     source = _SOURCES.get(here, f"docs/{here}")
     if config.repo_url:
         page.edit_url = f"{config.repo_url.rstrip('/')}/edit/main/{source}"
