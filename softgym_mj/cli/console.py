@@ -57,7 +57,14 @@ Device = Annotated[
         help="cpu (--jobs processes), host (batch on CPU threads) or cuda (batch on a GPU)."
     ),
 ]
-Split = Annotated[str, typer.Option(help="train, evaluate or all.")]
+Variations = Annotated[
+    str | None,
+    typer.Option(
+        "--variations",
+        "--variation",
+        help="Variations, not a split: 800,803,810-819.",
+    ),
+]
 CableRecordings = Annotated[
     pathlib.Path | None, typer.Argument(help="Folder data_set of the recordings (docs/reality.md).")
 ]
@@ -117,23 +124,32 @@ def parsed_settings(settings: str) -> dict[str, Any]:
     return parsed
 
 
-def first_variations(split: str, episodes: int, start: int | None = None) -> Sequence[int]:
-    """Returns variations of a split, one for each episode, from `start` or the split's first on.
+def chosen_variations(
+    named: str | None, split: str | None, episodes: int | None, default: tuple[str, int]
+) -> Sequence[int]:
+    """Returns the variations of the option `Variations`, or the first ones of a split.
+
+    Args:
+        named: The option.
+        split, episodes: Split and number of variations; None for those of `default`.
+        default: Split and number.
 
     Raises:
-        InvalidArgumentError: for an unknown split, a variation outside of it, or more variations
-            than it has.
+        InvalidArgumentError: for indices together with a split or a number; for an unknown split,
+            or more variations than it has.
     """
-    indices = split_indices(split)
-    if start is not None:
-        if start not in indices:
-            valid = f"{indices[0]}..{indices[-1]}, the variations of {split!r}"
-            raise InvalidArgumentError("start", start, valid)
-        indices = indices[indices.index(start) :]
-    if not 1 <= episodes <= len(indices):
-        valid = f"1..{len(indices)}, the number of variations of {split!r} from {indices[0]} on"
-        raise InvalidArgumentError("episodes", episodes, valid)
-    return indices[:episodes]
+    if named is not None:
+        from softgym_mj.evaluation import indices
+
+        if split is not None or episodes is not None:
+            raise InvalidArgumentError("variations", named, "alone, without --split and --episodes")
+        return indices.parsed("variations", named)
+    split = default[0] if split is None else split
+    number, every = default[1] if episodes is None else episodes, split_indices(split)
+    if not 1 <= number <= len(every):
+        valid = f"1..{len(every)}, the number of variations of {split!r}"
+        raise InvalidArgumentError("episodes", number, valid)
+    return every[:number]
 
 
 def progress_bar(*columns: rich.progress.ProgressColumn) -> rich.progress.Progress:

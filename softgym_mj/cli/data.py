@@ -14,11 +14,11 @@ from softgym_mj.cli.console import (
     Look,
     Ray,
     Settings,
-    Split,
     Task,
     Trust,
+    Variations,
+    chosen_variations,
     console,
-    first_variations,
     given,
     parsed_settings,
     policy_file,
@@ -65,11 +65,11 @@ def record(
     ] = "scripted",
     actor: Actor = None,
     grasp: Grasp = None,
-    split: Split = "train",
-    episodes: Annotated[int, typer.Option(help="Variations to play, one after the other.")] = 10,
-    start: Annotated[
-        int | None, typer.Option(help="First variation; the split's first if not given.")
+    split: Annotated[str | None, typer.Option(help="train (default), evaluate or all.")] = None,
+    episodes: Annotated[
+        int | None, typer.Option(help="Number of variations to play; default: 10.")
     ] = None,
+    variations: Variations = None,
     observation: Annotated[
         str | None,
         typer.Option(
@@ -114,7 +114,7 @@ def record(
     """
     from softgym_mj import recording
 
-    variations = first_variations(split, episodes, start)
+    played = chosen_variations(variations, split, episodes, ("train", 10))
     chosen = {**parsed_settings(settings), **given(actor=actor, grasp=grasp, look=look)}
     if observation is not None:
         chosen["observation"] = observation.split(",")
@@ -143,7 +143,7 @@ def record(
     }
     everything = [name for name, known in TASKS.items() if not known.is_custom]
     for name in everything if task == ALL else [task]:
-        _record(name, variations, dataset=dataset, **how)
+        _record(name, played, dataset=dataset, **how)
 
 
 def _record(task: str, variations: Sequence[int], **how: Any) -> None:
@@ -165,10 +165,13 @@ def _record(task: str, variations: Sequence[int], **how: Any) -> None:
 
             made = recording.record(task, variations, on_episode=on_episode, **how)
     except KeyboardInterrupt:
-        raise KeyboardInterrupt(
-            f"{len(finished)} episodes of {task} are stored: the same command continues from them; "
-            f"--episodes {len(finished)} makes a dataset of them alone"
-        ) from None
+        message = f"{len(finished)} episodes of {task} are stored"
+        if finished:
+            from softgym_mj.evaluation.indices import as_text
+
+            done = as_text(variations[: len(finished)])
+            message += f"; --variations {done} makes a dataset of them alone"
+        raise KeyboardInterrupt(f"{message}: the same command continues from them") from None
     episodes, steps, call = recording.make_format(how["format"]).summary(made)
     dropped = f"; dropped {len(variations) - episodes} without success"
     console.print(

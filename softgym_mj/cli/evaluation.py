@@ -19,13 +19,15 @@ from softgym_mj.cli.console import (
     Settings,
     Task,
     Trust,
+    Variations,
+    chosen_variations,
     console,
     given,
     parsed_settings,
     policy_file,
     progress_bar,
 )
-from softgym_mj.exceptions import InvalidArgumentError, check_count
+from softgym_mj.exceptions import check_count
 from softgym_mj.policies.planners import BUDGET, ITERATIONS, PLANNERS, Plan
 from softgym_mj.registry import TASKS, find
 from softgym_mj.storage.files import write_csv
@@ -53,9 +55,7 @@ def evaluate(
         int | None,
         typer.Option(help=f"Number of variations from the split's first; default: {_EPISODES}."),
     ] = None,
-    variations: Annotated[
-        str | None, typer.Option(help="Variations instead of a split, such as 800,803,810-819.")
-    ] = None,
+    variations: Variations = None,
     seeds: Annotated[int, typer.Option(help="Seeds 0.. of the policy.", min=1, max=1000)] = 1,
     horizon: Annotated[
         int | None, typer.Option(help="Planning horizon in env steps; default: the task's.")
@@ -80,7 +80,7 @@ def evaluate(
     configuration = evaluation.Configuration(
         find(task).name,
         policy,
-        _variations(variations, split, episodes),
+        tuple(chosen_variations(variations, split, episodes, ("evaluate", _EPISODES))),
         tuple(range(seeds)),
         {**parsed_settings(settings), **given(actor=actor, grasp=grasp)},
         planning if policy in PLANNERS else None,
@@ -153,18 +153,6 @@ def _table(rows: list[dict]) -> rich.table.Table:
             str(row["episodes"]),
         )
     return table
-
-
-def _variations(named: str | None, split: str | None, episodes: int | None) -> tuple[int, ...]:
-    from softgym_mj import evaluation
-    from softgym_mj.evaluation import indices
-
-    if named is None:
-        number = _EPISODES if episodes is None else episodes
-        return evaluation.evaluation_variations(number, split or "evaluate")
-    if split is not None or episodes is not None:
-        raise InvalidArgumentError("variations", named, "alone, without --split and --episodes")
-    return indices.parsed("variations", named)
 
 
 @contextlib.contextmanager

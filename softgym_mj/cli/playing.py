@@ -15,11 +15,11 @@ from softgym_mj.cli.console import (
     Actor,
     Grasp,
     Look,
-    Split,
     Task,
     Trust,
+    Variations,
+    chosen_variations,
     console,
-    first_variations,
     for_people,
     policy_file,
     progress_bar,
@@ -101,8 +101,11 @@ def rollout(
     ] = "scripted",
     actor: Actor = None,
     grasp: Grasp = None,
-    split: Split = "evaluate",
-    episodes: Annotated[int, typer.Option(min=1, help="Number of variations to play.")] = 5,
+    split: Annotated[str | None, typer.Option(help="evaluate (default), train or all.")] = None,
+    episodes: Annotated[
+        int | None, typer.Option(help="Number of variations to play; default: 5.")
+    ] = None,
+    variations: Variations = None,
     seed: Annotated[int, typer.Option(help="Seed of the random policy.", min=0)] = 0,
     trust: Trust = False,
     look: Look = None,
@@ -110,19 +113,20 @@ def rollout(
         pathlib.Path | None, typer.Option(help="Folder for a video of every episode.")
     ] = None,
 ) -> None:
-    """Runs a policy on the first variations of a split; prints one JSON line per episode."""
-    record, variations = find(task), first_variations(split, episodes)
+    """Runs a policy on variations, the first of a split; prints one JSON line per episode."""
+    record, played = find(task), chosen_variations(variations, split, episodes, ("evaluate", 5))
     policy = policy_file(policy)
     if video is not None:
         make_folder(video)
     settings = {**for_people(record, actor, grasp, look), **observes(policy)}
-    env = softgym_mj.load(record, split=split, **settings)
+    env = softgym_mj.load(record, split=played, **settings)
+    own_grasp = (*env.task.actor.name.split("/"), None)[1]  # Of arms, as in "franka/attach".
     camera = None if video is None else "task"  # Images take most of the time.
-    for index in variations:
+    for index in played:
         episode = play(env, policy, index, seed=seed, trust=trust, camera=camera, size=VIDEO_SIZE)
         if video is not None:
             _write(episode, video / f"{record.name}_{index:04d}.mp4")
-        line = {"task": record.name, "actor": actor or env.task.actors[0], "grasp": grasp,
+        line = {"task": record.name, "actor": actor or env.task.actors[0], "grasp": own_grasp,
                 "policy": policy, "variation": index, "normalized_performance": _score(episode),
                 "success": bool(episode.info["success"][-1])}  # fmt: skip
         typer.echo(json.dumps(line))

@@ -29,6 +29,18 @@ def test_a_rollout_is_played_by_the_actor(monkeypatch):
     assert line["normalized_performance"] == env.info()["normalized_performance"]
 
 
+def test_a_rollout_plays_the_variations_and_names_the_default_grasp(monkeypatch):
+    short = TaskRecord("straighten_rope", horizon=1)
+    monkeypatch.setitem(softgym_mj.TASKS, short.name, short)
+    for actor, grasp in (("picker", None), ("ur5e", "attach")):
+        command = f"rollout straighten_rope --policy zero --actor {actor} --variation 806,3-4"
+        result = CliRunner().invoke(commands.app, command.split())
+        assert result.exit_code == 0, result.output
+        lines = [json.loads(line) for line in result.output.splitlines()]
+        assert [line["variation"] for line in lines] == [806, 3, 4]
+        assert {line["grasp"] for line in lines} == {grasp}
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 @pytest.mark.parametrize(
     ("options", "message", "choices"),

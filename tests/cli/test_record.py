@@ -37,7 +37,7 @@ def run(command, monkeypatch):
 
 
 def test_the_command_line_chooses(capsys, monkeypatch):
-    command = "record straighten_rope --split evaluate --start 892 --episodes 3 --dataset rope-v0"
+    command = "record straighten_rope --variations 892-894 --dataset rope-v0"
     command += """ --successful-only --author me --settings '{"num_pickers": 2, "horizon": 20}'"""
     assert run(command, monkeypatch) == 0
     dataset = minari.load_dataset("rope-v0")
@@ -110,11 +110,9 @@ def test_formats_by_the_command_line(capsys, monkeypatch):
     ("arguments", "message"),
     [
         ("record straighten_rope --episodes 0", r"episodes=0 .*1\.\.800"),
-        (
-            "record straighten_rope --start 795 --episodes 6",
-            r"episodes=6 .*1\.\.5, .*from 795 on",
-        ),
-        ("record straighten_rope --start 800", r"start=800 .*0\.\.799"),
+        ("record straighten_rope --variations 999-1000", r"variations='999-1000' .*0\.\.999"),
+        ("record straighten_rope --variation 3 --episodes 1", r"variations='3' .*without --split"),
+        ("rollout straighten_rope --variation 3 --split all", r"variations='3' .*without --split"),
         ("record straighten_rope --split every", "split='every'"),
         ("record straighten_rope --settings [1]", "settings='.1.' .*a JSON object"),
         ("""record straighten_rope --settings '{"seed": 1}'""", "settings=.*not 'seed'"),

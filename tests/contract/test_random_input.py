@@ -157,8 +157,8 @@ WORDS = [
 # Options of each command that keep it short, and all that it has.
 COMMANDS: dict[str, tuple[dict[str, str], list[str]]] = {
     "rollout": ({"--episodes": "1", "--policy": "zero", "--look": "fast"},
-                ["--policy", "--actor", "--grasp", "--split", "--episodes", "--seed", "--look",
-                 "--video"]),
+                ["--policy", "--actor", "--grasp", "--split", "--episodes", "--variation", "--seed",
+                 "--look", "--video"]),
     "evaluate": ({"--episodes": "1", "--policy": "zero"},
                  ["--policy", "--actor", "--grasp", "--split", "--episodes", "--variations",
                   "--seeds", "--horizon", "--budget", "--iterations", "--replan-every",
@@ -167,7 +167,7 @@ COMMANDS: dict[str, tuple[dict[str, str], list[str]]] = {
     "generate": ({"--num": "1", "--start": "3", "--fidelity": "fast"},
                  ["--start", "--num", "--jobs", "--fidelity"]),
     "record": ({"--episodes": "1", "--policy": "zero"},
-               ["--policy", "--actor", "--grasp", "--split", "--episodes", "--start",
+               ["--policy", "--actor", "--grasp", "--split", "--episodes", "--variations",
                 "--observation", "--settings", "--seed", "--dataset", "--author"]),
     "view": ({"--browser": "", "--port": "70000"},  # A port that there is not: it would not end.
              ["--policy", "--actor", "--grasp", "--variation", "--host"]),
