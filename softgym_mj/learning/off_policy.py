@@ -14,7 +14,7 @@ from softgym_mj.learning.forms import SymmetrizedPolicy
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.networks import any_actions, drawn, generators
 from softgym_mj.learning.replay import Batch, Replay
-from softgym_mj.learning.symmetries import symmetries
+from softgym_mj.learning.symmetries import check_observed, symmetries
 from softgym_mj.validation import typed
 
 
@@ -135,9 +135,7 @@ class OffPolicy:
         self._symmetries = symmetries(problem.example()) if settings.symmetric else ()
         self._best: Callable[[Tensor], Tensor] = functools.partial(algorithm.act, explore=False)
         if settings.symmetrize_policy:
-            if problem.observed not in ("reduced", "markov"):
-                valid = "'reduced' or 'markov' with symmetrize_policy=True"
-                raise InvalidArgumentError("observation", problem.observed, valid)
+            check_observed("symmetrize_policy", problem.observed)
             self._best = SymmetrizedPolicy(self._best, self._symmetries, problem.device)
         self.replay = replay(
             settings.replay // problem.num_envs, problem.seeds, problem.num_envs,

@@ -42,6 +42,18 @@ _CORNERS = {
 }  # fmt: skip
 
 
+def check_observed(setting: str, observed: str) -> None:
+    """Raises `InvalidArgumentError` unless symmetries can transform an observation.
+
+    Args:
+        setting: Name of the setting that needs them, for the message.
+        observed: Name of the observation.
+    """
+    if observed not in ("reduced", "markov"):
+        valid = f"'reduced' or 'markov' with {setting}=True"
+        raise InvalidArgumentError("observation", observed, valid)
+
+
 def symmetries(env: Environment) -> list[Symmetry]:
     """Returns the symmetries of a task with pickers; the first one is the identity.
 

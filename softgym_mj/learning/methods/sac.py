@@ -26,6 +26,7 @@ from softgym_mj.learning.networks import (
 from softgym_mj.learning.off_policy import OffPolicy, OffPolicySettings
 from softgym_mj.learning.optimization import adam, polyak_update, step
 from softgym_mj.learning.replay import Batch
+from softgym_mj.learning.symmetries import check_observed
 from softgym_mj.validation import typed
 
 MOST_ENTROPY = math.log(2.0)  # Entropy of a uniform entry in -1..1 [nats].
@@ -288,16 +289,10 @@ class SAC:
         return self._actor_adam, self._critic_adam, self._alpha_adam
 
 
-def check_symmetry(settings: SACSettings, problem: Problem) -> None:
-    """Raises `InvalidArgumentError` if observations cannot be transformed by symmetries."""
-    if settings.symmetric and problem.observed not in ("reduced", "markov"):
-        valid = "'reduced' or 'markov' with symmetric=True"
-        raise InvalidArgumentError("observation", problem.observed, valid)
-
-
 def make(settings: SACSettings, problem: Problem) -> OffPolicy:
     """Returns the `Learner` of a problem."""
-    check_symmetry(settings, problem)
+    if settings.symmetric:
+        check_observed("symmetric", problem.observed)
     (size,) = problem.observation
     sac = SAC(settings, problem.seeds, size, problem.action, problem.device)
     return OffPolicy(settings, problem, sac)

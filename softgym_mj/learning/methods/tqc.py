@@ -12,10 +12,11 @@ from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.learning.learner import Problem
-from softgym_mj.learning.methods.sac import SAC, StateSACSettings, check_symmetry
+from softgym_mj.learning.methods.sac import SAC, StateSACSettings
 from softgym_mj.learning.networks import Actor, Critics
 from softgym_mj.learning.off_policy import OffPolicy
 from softgym_mj.learning.replay import Batch
+from softgym_mj.learning.symmetries import check_observed
 from softgym_mj.validation import typed
 
 
@@ -97,7 +98,8 @@ class TQC(SAC):
 
 def make(settings: TQCSettings, problem: Problem) -> OffPolicy:
     """Returns the `Learner` of a problem."""
-    check_symmetry(settings, problem)
+    if settings.symmetric:
+        check_observed("symmetric", problem.observed)
     (size,) = problem.observation
     tqc = TQC(settings, problem.seeds, size, problem.action, problem.device)
     return OffPolicy(settings, problem, tqc)
