@@ -43,18 +43,15 @@ def _remedy(backend: str) -> str:
     if backend == "disable" and any(map(ctypes.util.find_library, _LIBRARIES.values())):
         return "Unset MUJOCO_GL and start Python again."
     packages = _PACKAGES.get(backend, _PACKAGES["egl"])
-    others = " or ".join(name for name in (*_LIBRARIES, "glfw") if name != backend)
-    return (
-        f"Install software OpenGL with `apt-get install -y {packages}`, unset MUJOCO_GL "
-        f"(or set it to {others}) and start Python again."
+    result = (
+        f"Install software OpenGL with `apt-get install -y {packages}`, unset MUJOCO_GL (or set "
     )
+    return f"{result}it to another of egl, osmesa and glfw) and start Python again."
 
 
 def has_display() -> bool:
     """Whether a display is available."""
-    if sys.platform != "linux":
-        return True
-    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    return sys.platform != "linux" or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
 
 
 def choose_backend() -> None:
