@@ -42,12 +42,12 @@ _CORNERS = {
 }  # fmt: skip
 
 
-def check_observed(setting: str, observed: str) -> None:
+def check_observed(setting: str, observed: str | tuple[str, ...]) -> None:
     """Raises `InvalidArgumentError` unless symmetries can transform an observation.
 
     Args:
         setting: Name of the setting that needs them, for the message.
-        observed: Name of the observation.
+        observed: Name of the observation, or names of several.
     """
     if observed not in ("reduced", "markov"):
         valid = f"'reduced' or 'markov' with {setting}=True"
