@@ -240,7 +240,7 @@ class _Looser(softgym_mj.tasks.straighten_rope.StraightenRope):
 
 def test_custom_tasks_are_played_if_they_are_functions_of_arrays(register):
     register("count_rope", _Counted)
-    with pytest.raises(InvalidArgumentError, match="defines no after_step"):
+    with pytest.raises(InvalidArgumentError, match="defines after_step, is not available"):
         softgym_mj.make_vec("count_rope", 1, device="host")
     register("loosen_rope", _Looser)
     envs = softgym_mj.make_vec("loosen_rope", 2, device="host", fidelity="fast")

@@ -69,7 +69,7 @@ class Cameras:
             return
         faults = [name for name in task.domain.varying if name.startswith(_FAULTS)]
         if faults and any(image.shows == "colors" for image in self._images.values()):
-            raise cpu_only(f"images with the sensor faults {faults}")
+            raise cpu_only(f"an image with the sensor faults {faults}")
         self._has_marks = task.goal_marks
         name, image = next(iter(self._images.items()))
         shape = env.observation_spec()[name].shape[image.is_stack :]
