@@ -95,6 +95,9 @@ class TrainingSetup:
                 f"the networks or the replay of {self.method.name} cannot be created with these "
                 f"settings: {error}"
             ) from error
+        if not hasattr(self.learner, "policy"):  # A module of somebody made it.
+            valid = "a softgym_mj.learning.learner.Learner"
+            raise InvalidArgumentError(f"{self.method.name}()", self.learner, valid)
 
     def _make(self, number: int, **settings: Any) -> Any:
         own, observed = self.settings, self.settings.observed

@@ -11,6 +11,8 @@ from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.registry import find_method, find_preset
 from softgym_mj.learning.results import read_folder
+from softgym_mj.learning.settings import TrainingSettings
+from softgym_mj.learning.training import Training
 
 NAME = "tests.learning.test_plugins:make"
 SHORT = {
@@ -74,6 +76,10 @@ def make(settings: Settings, problem: Problem) -> Learner:
     return Learner(settings, problem)
 
 
+def forgetful(settings: Settings, problem: Problem) -> None:
+    """Returns no learner."""
+
+
 def untyped(settings, problem):
     """Returns no learner: nothing says what its settings are."""
 
@@ -120,3 +126,9 @@ def test_a_preset_replaces_some_settings_of_another():
 def test_what_is_no_method_is_refused(name, message):
     with pytest.raises(InvalidArgumentError, match=f"(?s)method=.*{message}"):
         find_method(name)
+
+
+def test_a_method_that_makes_no_learner_is_refused(tmp_path):
+    method = find_method(f"{__name__}:forgetful")
+    with pytest.raises(InvalidArgumentError, match=r"forgetful.*None.*Learner"):
+        Training(TrainingSettings("straighten_rope", **SHORT), method, [0], tmp_path, "host")

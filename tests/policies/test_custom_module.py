@@ -12,6 +12,7 @@ import softgym_mj
 from softgym_mj import registry
 from softgym_mj.cli import commands
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.policies.experts.expert import OwnExpert
 from softgym_mj.recording import record
 
 HORIZON = 3
@@ -189,3 +190,11 @@ def test_no_expert_or_too_short_a_one_is_an_error(folder, monkeypatch):
     ):
         with pytest.raises(InvalidArgumentError, match=message):
             record(f"own_tasks:{task}", (800,))
+
+
+def test_an_expert_that_yields_nothing_is_refused_by_name(monkeypatch):
+    env = softgym_mj.load("straighten_rope", fidelity="fast")
+    monkeypatch.setattr(type(env.task), "expert", lambda self: None, raising=False)
+    expert = OwnExpert(env)
+    with pytest.raises(InvalidArgumentError, match=r"expert\(\).*a generator"):
+        expert(env.reset())

@@ -60,7 +60,11 @@ class OwnExpert(Expert):
 
     def _episode(self):
         task = self._env.task
-        for action in task.expert():
+        actions = task.expert()
+        if not isinstance(actions, Iterator):
+            valid = "a generator: a method that yields actions"
+            raise InvalidArgumentError("expert()", actions, valid)
+        for action in actions:
             yield np.asarray(action, float)
         raise InvalidArgumentError(
             f"`expert` of {type(task).__name__} yields too few actions: {self._env.name} lasts "
