@@ -29,8 +29,9 @@ PROPRIOCEPTION = "These entries end `reduced` and `full`, except with a cup.\n"
 MARKOV = "`markov` is `reduced`, then the memory of the actor:\n"
 OTHERS = """`cameras` (Gymnasium, with images) is the [calibration](arguments.md#cameras),
 `domain_*` the value of each [domain parameter](domain.md#parameters) that varies, `intersections`
-the number of self-intersections (`count_intersections=True`), `reward_*` a term of the reward,
-which is their sum. *Secondary* metrics are those of other work; `softgym-mj evaluate` reports them.
+the number of self-intersections (`count_intersections=True`), `reward_*` a term of the reward
+(the reward is their sum). *Secondary* metrics are those of other work; `softgym-mj evaluate`
+reports them.
 """
 SUMMARIES = {
     **OBSERVATIONS,

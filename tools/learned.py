@@ -97,9 +97,9 @@ def overview() -> str:
     return found and found + (
         "\n\nNormalized performance on held-out variations: last checkpoint, median (quartiles) "
         "over five seeds ([terms](docs/glossary.md)). *No action*: mean over the same 200 "
-        "variations. CEM plans with the true dynamics and learns nothing (ten episodes). Tasks and "
-        "cells without a number: no published run. \u2020: measured before the task's initial "
-        "states changed. [All methods, observations, budgets, curves and "
+        "variations. CEM plans with the true dynamics and learns nothing (ten episodes). Missing "
+        "tasks and empty cells have no published run yet. \u2020: measured before the task's "
+        "initial states changed. [All methods, observations, budgets, curves and "
         "policies](docs/results.md)."
     )
 
