@@ -152,10 +152,12 @@ class SAC:
         seen: nn.Module = nn.Identity()
         if getattr(settings, "normalize_observations", False):
             seen = ObservationNormalizer(len(self.sources), observation, self.sources[0].device)
-        number = getattr(settings, "critics", 2)
+        number, outputs = getattr(settings, "critics", 2), getattr(settings, "quantiles", 1)
         return (
             Actor(self.sources, *sizes, settings.log_std, seen),
-            Critics(self.sources, *sizes, norm=settings.norm, number=number, seen=seen),
+            Critics(
+                self.sources, *sizes, norm=settings.norm, number=number, outputs=outputs, seen=seen
+            ),
         )
 
     def begin(self, sample: Callable[[int], Batch]) -> None:
@@ -289,10 +291,10 @@ class SAC:
         return self._actor_adam, self._critic_adam, self._alpha_adam
 
 
-def make(settings: SACSettings, problem: Problem) -> OffPolicy:
-    """Returns the `Learner` of a problem."""
+def make(settings: SACSettings, problem: Problem, kind: type[SAC] = SAC) -> OffPolicy:
+    """Returns the `Learner` of a problem, with an algorithm of a kind."""
     if settings.symmetric:
         check_observed("symmetric", problem.observed)
     (size,) = problem.observation
-    sac = SAC(settings, problem.seeds, size, problem.action, problem.device)
-    return OffPolicy(settings, problem, sac)
+    algorithm = kind(settings, problem.seeds, size, problem.action, problem.device)
+    return OffPolicy(settings, problem, algorithm)

@@ -8,15 +8,14 @@ the mean of all quantiles.
 import dataclasses
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.learning.learner import Problem
+from softgym_mj.learning.methods import sac
 from softgym_mj.learning.methods.sac import SAC, StateSACSettings
-from softgym_mj.learning.networks import Actor, Critics
 from softgym_mj.learning.off_policy import OffPolicy
 from softgym_mj.learning.replay import Batch
-from softgym_mj.learning.symmetries import check_observed
 from softgym_mj.validation import typed
 
 
@@ -66,15 +65,6 @@ class TQC(SAC):
 
     settings: TQCSettings
 
-    def _networks(self, observation: int, action: int) -> tuple[Actor, nn.Module]:
-        actor, _ = super()._networks(observation, action)
-        settings = self.settings
-        critics = Critics(
-            self.sources, observation, action, settings.hidden, norm=settings.norm,
-            number=settings.critics, outputs=settings.quantiles, seen=actor.seen,
-        )  # fmt: skip
-        return actor, critics
-
     def _judged(self, values: Tensor) -> Tensor:
         """Returns means (seeds, n) of quantiles (critics, seeds, n, quantiles)."""
         return values.mean((0, -1))
@@ -98,8 +88,4 @@ class TQC(SAC):
 
 def make(settings: TQCSettings, problem: Problem) -> OffPolicy:
     """Returns the `Learner` of a problem."""
-    if settings.symmetric:
-        check_observed("symmetric", problem.observed)
-    (size,) = problem.observation
-    tqc = TQC(settings, problem.seeds, size, problem.action, problem.device)
-    return OffPolicy(settings, problem, tqc)
+    return sac.make(settings, problem, TQC)
