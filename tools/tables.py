@@ -36,7 +36,7 @@ from tools.pages import between, table, with_table
 
 ROOT = pathlib.Path(__file__).parent.parent
 DOCS = ROOT / "docs"
-(
+PAGES = (
     README,
     DOMAIN,
     ROBOTS,
@@ -60,19 +60,6 @@ DOCS = ROOT / "docs"
     DOCS / "physics.md",
     DOCS / "learning.md",
     DOCS / "custom_tasks.md",
-)
-PAGES = (
-    README,
-    DOMAIN,
-    ROBOTS,
-    VALIDATION,
-    RESULTS,
-    PICTURES,
-    GPU,
-    REALITY,
-    PHYSICS,
-    LEARNING,
-    CUSTOM,
 )
 POLICIES = ("zero", "random", "scripted", "cem", "icem")
 
