@@ -2,13 +2,11 @@
 
 import mujoco
 import numpy as np
-from dm_control import mjcf
 
-from softgym_mj.cloth import fabrics
-from softgym_mj.cloth.solver import TIMESTEP
 from softgym_mj.entities.cloth import alternating_triangles
 from softgym_mj.entities.fabric import Fabric
 from softgym_mj.entities.sheet import Sheet
+from softgym_mj.reality.alone import compiled_alone, set_masses
 
 
 class BareSheet(Sheet):
@@ -58,20 +56,9 @@ def compiled(
         triangles: Vertex indices (m, 3).
         fabric: The fabric.
     """
-    root = mjcf.RootElement(model="sheet")
-    root.option.gravity = [0.0, 0.0, -fabrics.GRAVITY]
     sheet = BareSheet(points, triangles, fabric)
-    for part in (root, sheet.mjcf_model):
-        part.option.timestep = TIMESTEP
-    root.attach(sheet.mjcf_model)
-    physics = mjcf.Physics.from_mjcf_model(root)
-    sheet.after_compile(physics, None)
-    model, data = physics.model.ptr, physics.data.ptr
-    bodies = model.flex_vertbodyid[sheet.vertex_ids]
-    share = fabric.density * sheet.vertex_areas / model.body_mass[bodies]
-    model.body_mass[bodies] *= share
-    model.body_inertia[bodies] *= share[:, None]
-    mujoco.mj_setConst(model, data)
+    model, data = compiled_alone(sheet)
+    set_masses(sheet, model, data, fabric.density * sheet.vertex_areas)
     return sheet, model, data
 
 

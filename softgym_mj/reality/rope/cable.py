@@ -5,11 +5,11 @@ import math
 
 import mujoco
 import numpy as np
-from dm_control import mjcf
 
-from softgym_mj.cloth import fabrics, solver
+from softgym_mj.cloth import solver
 from softgym_mj.entities.flex import Flex
 from softgym_mj.exceptions import check_number
+from softgym_mj.reality.alone import compiled_alone, set_masses
 from softgym_mj.variations.randomization import Parameter
 
 # Substeps of a step. Bending has one sweep per substep: with 25, a stiff cable of short segments
@@ -101,24 +101,14 @@ class Cable(Flex):
         model, data = physics.model.ptr, physics.data.ptr
         # MuJoCo gives all vertices the same mass: here each has half of the segments beside it.
         share = np.convolve(self.rest_lengths, [0.5, 0.5])
-        bodies = model.flex_vertbodyid[self.vertex_ids]
-        scale = self._properties.density * share / model.body_mass[bodies]
-        model.body_mass[bodies] *= scale
-        model.body_inertia[bodies] *= scale[:, None]
         dofs = self._dofs[:, None] + np.arange(3)
         model.dof_damping[dofs] = self._properties.air_damping * share[:, None]
-        mujoco.mj_setConst(model, data)
+        set_masses(self, model, data, self._properties.density * share)
 
 
 def compiled(
     spacing: np.ndarray, properties: Properties
 ) -> tuple[Cable, mujoco.MjModel, mujoco.MjData]:
     """Compiles a cable in the air, and nothing else."""
-    root = mjcf.RootElement(model="recording")
-    root.option.gravity = [0.0, 0.0, -fabrics.GRAVITY]
-    root.option.timestep = solver.TIMESTEP
     cable = Cable(spacing, properties)
-    root.attach(cable.mjcf_model)
-    physics = mjcf.Physics.from_mjcf_model(root)
-    cable.after_compile(physics, None)
-    return cable, physics.model.ptr, physics.data.ptr
+    return cable, *compiled_alone(cable)
