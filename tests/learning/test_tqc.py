@@ -4,9 +4,9 @@ import pytest
 import torch
 
 from softgym_mj.learning.methods.tqc import TQC, TQCSettings, quantile_loss
-from softgym_mj.learning.networks import drawn, generators
 from softgym_mj.learning.replay import Batch
 from tests.learning.plain_layers import plain_network
+from tests.learning.reaching import distance_after_learning
 
 SMALL = TQCSettings(hidden=(16,), norm=True, critics=2, quantiles=3, dropped=1)
 NUMBER, OBSERVATION, ACTION = 4, 5, 2
@@ -80,19 +80,9 @@ def test_losses_are_those_of_loops():
 
 
 def test_it_learns_to_reach_a_point():
-    """A point in 0..1 on a line is moved by the action; what counts is where it ends, at 0.5."""
     settings = TQCSettings(
         hidden=(32, 32), actor_rate=3e-3, critic_rate=3e-3, tau=0.05, actor_every=1,
         target_every=1, critics=2, quantiles=5, dropped=1,
     )  # fmt: skip
     seeds = [0, 1]
-    tqc, source = TQC(settings, seeds, 1, 1), generators(seeds, "cpu")
-    for _ in range(400):
-        place = drawn(source, 64, 1, normal=False)
-        action = 2.0 * drawn(source, 64, 1, normal=False) - 1.0
-        following = (place + 0.5 * action).clamp(0.0, 1.0)
-        reward = -(following - 0.5).abs()[..., 0]
-        tqc.update(Batch(place, action, reward, following, torch.full((2, 64), 0.9)))
-    place = torch.linspace(0.0, 1.0, 9)[None, :, None].expand(2, -1, -1)
-    ends = (place + 0.5 * tqc.act(place, explore=False)).clamp(0.0, 1.0)
-    assert (ends - 0.5).abs().mean() < 0.06
+    assert distance_after_learning(TQC(settings, seeds, 1, 1), seeds) < 0.06
