@@ -31,7 +31,7 @@ _PICTURE = 3  # Dimensions of what one camera sees in colors.
 _LARGEST = 1000  # Largest denominator; rates of env steps are 100 divided by integers.
 
 
-class _Rate(float):
+class FrameRate(float):
     """Frame rate as a float for JSON and as a ratio for PyAV; typical is 12.5."""
 
     @property
@@ -126,6 +126,7 @@ class LeRobot(Format):
 
     def build(self, folder, dataset, env, episodes, about):
         datasets = import_extra("lerobot.datasets.lerobot_dataset", "LeRobot", "lerobot")
+        video = import_extra("lerobot.configs.video", "LeRobot", "lerobot")
         played, writer = _played(env), None
         names, actor, made = tuple(played.observation_spec()), played.task.actor, folder / "made"
         words = about.task.summary or about.task.name
@@ -134,11 +135,11 @@ class LeRobot(Format):
                 result = columns(episode, names, actor)
                 writer = writer or datasets.LeRobotDataset.create(
                     dataset,
-                    _Rate(1.0 / played.control_timestep()),
+                    FrameRate(1.0 / played.control_timestep()),
                     {key: _feature(column) for key, column in result.items()},
                     root=made,  # LeRobot requires a folder that does not exist.
                     robot_type=actor.name,
-                    vcodec=self._codec,
+                    rgb_encoder=video.RGBEncoderConfig(vcodec=self._codec),
                 )
                 for k in range(len(episode["actions"])):
                     step = {key: column.values[k] for key, column in result.items()}
@@ -173,7 +174,7 @@ def columns(episode: Mapping[str, Any], names: Sequence[str], actor: Actor) -> d
     """
     count, infos, seen = len(episode["actions"]), episode["infos"], episode["observations"]
     entries = [f"{name} [{unit}]" if unit else name for name, unit, _ in actor.actions.entries]
-    result = _seen(seen if isinstance(seen, Mapping) else {names[0]: seen}, actor)
+    result = observed(seen if isinstance(seen, Mapping) else {names[0]: seen}, actor)
     result["action"] = Column(infos.get(LABEL, episode["actions"]), entries)
     if LABEL in infos:
         result["executed_action"] = Column(episode["actions"], entries)
@@ -187,8 +188,8 @@ def columns(episode: Mapping[str, Any], names: Sequence[str], actor: Actor) -> d
     return {key: column._replace(values=column.values[:count]) for key, column in result.items()}
 
 
-def _seen(observations: Mapping[str, np.ndarray], actor: Actor) -> dict[str, Column]:
-    """Returns observations over time as features."""
+def observed(observations: Mapping[str, np.ndarray], actor: Actor) -> dict[str, Column]:
+    """Returns observations over time (n, ...) as features, named as `columns` describes."""
     states = [name for name in _STATES if name in observations]
     result = {
         place: Column(observations[name], _sensed(actor) if name == _STATES[0] else None)

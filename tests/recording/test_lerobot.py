@@ -120,7 +120,7 @@ def test_it_reads_what_minari_reads(lerobot, codec, error):
     expected = record(ROPE, (3, 801), **how)
     result = lerobot(record(ROPE, (3, 801), format="lerobot", codec=codec, **how))
     assert (result.fps, result.num_episodes, len(result)) == (12.5, 2, 24)
-    assert result.meta.info["codebase_version"] == "v3.0" and result.meta.robot_type == "picker"
+    assert result.meta.info.codebase_version == "v3.0" and result.meta.robot_type == "picker"
     errors = []
     for number, episode in enumerate(expected):
         for k in range(12):
