@@ -20,6 +20,7 @@ PAGES = {
     "README.md": "index.md",
     "softgym_mj/cloth/plugin/README.md": "cloth.md",
     "softgym_mj/fluid/plugin/README.md": "fluid.md",
+    "lerobot_env_softgym_mj/README.md": "lerobot.md",
     "CONTRIBUTING.md": "contributing.md",
     "CHANGELOG.md": "changelog.md",
     **{f"notebooks/{name}": f"notebooks/{name.removesuffix('.ipynb')}.md" for name in NOTEBOOKS},
