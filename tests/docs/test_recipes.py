@@ -311,7 +311,7 @@ def test_lerobot(run, tmp_path, monkeypatch):
     assert result.exit_code == 0, result.output
     learn = [sys.executable, "-m", "lerobot.scripts.lerobot_train", *training[1:]]
     subprocess.run(learn, check=True, env={**os.environ, "HF_HUB_OFFLINE": "1"})
-    act = run("LeRobot: a policy from demonstrations").make(None)
+    make = run("LeRobot: a policy from demonstrations").make
     (tmp_path / "recipe.py").rename(tmp_path / "act_policy.py")
     monkeypatch.syspath_prepend(tmp_path)
     result = CliRunner().invoke(commands.app, evaluation[1:])
@@ -322,7 +322,7 @@ def test_lerobot(run, tmp_path, monkeypatch):
         env = softgym_mj.load(
             "straighten_rope", split="all", observation=["proprioception", "reduced"]
         )
-        timestep = env.reset(episode["variation"])
+        act, timestep = make(env), env.reset(episode["variation"])
         while not timestep.last():
             timestep = env.step(act(timestep))
         assert episode["normalized_performance"] == env.info()["normalized_performance"]
