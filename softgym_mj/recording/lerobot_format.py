@@ -40,10 +40,12 @@ class FrameRate(float):
 
     @property
     def numerator(self) -> int:
+        """Numerator of the ratio."""
         return self._ratio.numerator
 
     @property
     def denominator(self) -> int:
+        """Denominator of the ratio."""
         return self._ratio.denominator
 
 
