@@ -70,7 +70,7 @@ def rates(
         own = dynamics.dynamics_of(model)
 
         def each(angles, *rest):
-            return dynamics.step(own, chain.poses(own.chain, angles), angles, *rest)
+            return dynamics.step(own, chain.poses(own.chain, angles), angles, *rest)[:2]
 
         moves = jax.jit(jax.vmap(jax.vmap(each)))
         physics = milliseconds(lambda: moves(state.positions, state.speeds, state.positions))

@@ -29,7 +29,7 @@ def test_a_physics_step_is_that_of_mujoco(arm):
     @jax.jit
     @jax.vmap
     def step(angles, *rest):
-        return dynamics.step(batched, chain.poses(batched.chain, angles), angles, *rest)
+        return dynamics.step(batched, chain.poses(batched.chain, angles), angles, *rest)[:2]
 
     random, joints = np.random.default_rng(0), len(arm.joints)
     motors = np.argsort(model.actuator_trnid[:, 0])

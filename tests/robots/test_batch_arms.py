@@ -19,7 +19,7 @@ from tests.robots.arms import usually
 from tests.scenes import arm_paths
 
 SIM_STEPS = 8
-PUSHING = "left_pad", "right_pad", "hand_collision"
+PUSHING = "hand_collision", "left_pad", "right_pad"
 
 
 @functools.cache

@@ -193,28 +193,16 @@ class ArmBatch:
         self, state: ArmState, action: jax.Array, sim_steps: int
     ) -> tuple[ArmState, Motion]:
         each = action.reshape(-1, 4)
-        shut, opened = self._arm.finger_commands
-        fingers = jnp.where(each[:, 3:] > 0.0, shut, opened) * jnp.ones(2)
+        fingers = self._fingers(each)
 
         def period(found, _):
             now, pose = found
-            now = self._lead(now, each[:, :3])
-            ahead = now.filter.points + (SOLVE_EVERY - 1) * now.filter.step
-            solved = inverse_kinematics.follow(self.kinematics, now.reference, ahead)
-            now = now._replace(
-                reference=solved.angles,
-                rates=solved.speeds,
-                start=now.goal,
-                goal=solved.angles + self._lags * solved.speeds,
-                leader=inverse_kinematics.tools(self.kinematics, solved.angles),
-                failures=now.failures + solved.failed.astype(jnp.int32),
-            )
+            now = self._solve(now, each[:, :3])
             return jax.lax.scan(sim_step, (now, pose), jnp.arange(SOLVE_EVERY))
 
         def sim_step(found, phase):
             now, pose = found
-            later = self._lead(now, each[:, :3])
-            now = jax.tree.map(lambda old, new: jnp.where(phase > 0, new, old), now, later)
+            now = self._lead(now, each[:, :3], phase > 0)
             now, pose, solids = self._move(now, pose, phase, fingers)
             return (now, pose), (self._motion(now, pose), solids)
 
@@ -226,11 +214,31 @@ class ArmBatch:
         solids = jax.tree.map(lambda array: array.reshape(-1, *array.shape[3:]), solids)
         return state, Motion(points, rotations, velocities, openings, joints, solids)
 
-    def _lead(self, state: ArmState, moves: jax.Array) -> ArmState:
-        """Returns the state with the commanded points moved by a sim step."""
-        filtered = commands.advance(
+    def _fingers(self, each: jax.Array) -> jax.Array:
+        """Returns commands of the fingers (n, 2) [m] for the actions (n, 4) of arms."""
+        shut, opened = self._arm.finger_commands
+        return jnp.where(each[:, 3:] > 0.0, shut, opened) * jnp.ones(2)
+
+    def _solve(self, state: ArmState, moves: jax.Array) -> ArmState:
+        """Starts a sim step with a solution of the inverse kinematics."""
+        state = self._lead(state, moves, True)
+        ahead = state.filter.points + (SOLVE_EVERY - 1) * state.filter.step
+        solved = inverse_kinematics.follow(self.kinematics, state.reference, ahead)
+        return state._replace(
+            reference=solved.angles,
+            rates=solved.speeds,
+            start=state.goal,
+            goal=solved.angles + self._lags * solved.speeds,
+            leader=inverse_kinematics.tools(self.kinematics, solved.angles),
+            failures=state.failures + solved.failed.astype(jnp.int32),
+        )
+
+    def _lead(self, state: ArmState, moves: jax.Array, moved: jax.Array | bool) -> ArmState:
+        """Returns the state with the commanded points moved by a sim step, if they are `moved`."""
+        later = commands.advance(
             self._arm, self.kinematics, state.filter, moves, state.limits, state.leader
         )
+        filtered = jax.tree.map(lambda old, new: jnp.where(moved, new, old), state.filter, later)
         return state._replace(filter=filtered)
 
     def _poses(self, positions: jax.Array) -> Pose:
@@ -247,23 +255,37 @@ class ArmBatch:
             phase: sim steps since the last solution.
             fingers: commands of the fingers (n, 2) [m].
         """
-        arm, arms = self._dynamics, self.kinematics
 
         def part(moving, count):
-            pose, _, speeds = moving
-            way = (phase + (count + 1.0) / self._parts) / SOLVE_EVERY
-            command = (1.0 - way) * state.start + way * state.goal
-            command = jnp.concatenate([command, fingers], axis=1)
-            later, after = jax.vmap(functools.partial(dynamics.step, arm))(*moving, command)
-            solids = jax.vmap(functools.partial(hands.steps, arm, self._solids))(
-                pose, speeds, after, arms.base, arms.yaw
-            )
-            return (self._poses(later), later, after), solids
+            state, pose = moving
+            fraction = (count + 1.0) / self._parts
+            state, _, solids = self._part(state, pose, phase + fraction, fingers)
+            return (state, self._poses(state.positions)), solids
 
-        moving = pose, state.positions, state.speeds
-        moving, solids = jax.lax.scan(part, moving, jnp.arange(self._parts))
-        pose, positions, speeds = moving
-        return state._replace(positions=positions, speeds=speeds), pose, solids
+        (state, pose), solids = jax.lax.scan(part, (state, pose), jnp.arange(self._parts))
+        return state, pose, solids
+
+    def _part(
+        self, state: ArmState, pose: Pose, phase: jax.Array, fingers: jax.Array
+    ) -> tuple[ArmState, jax.Array, hands.SolidSteps]:
+        """Returns the state after a physics step, the arms' inertia, and the motion of solids.
+
+        Args:
+            state: state of the arms.
+            pose: their pose.
+            phase: sim steps from the last solution to the end of the physics step.
+            fingers: commands of the fingers (n, 2) [m].
+        """
+        arm, arms, way = self._dynamics, self.kinematics, phase / SOLVE_EVERY
+        command = (1.0 - way) * state.start + way * state.goal
+        command = jnp.concatenate([command, fingers], axis=1)
+        positions, speeds, inertia = jax.vmap(functools.partial(dynamics.step, arm))(
+            pose, state.positions, state.speeds, command
+        )
+        solids = jax.vmap(functools.partial(hands.steps, arm, self._solids))(
+            pose, state.speeds, speeds, arms.base, arms.yaw
+        )
+        return state._replace(positions=positions, speeds=speeds), inertia, solids
 
     def _motion(self, state: ArmState, pose: Pose) -> tuple[jax.Array, ...]:
         """Returns the fields of `Motion` but for the solids."""

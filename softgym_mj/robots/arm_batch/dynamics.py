@@ -125,8 +125,10 @@ def mass_and_bias(arm: Dynamics, pose: Pose, speeds: jax.Array) -> tuple[jax.Arr
 
 def step(
     arm: Dynamics, pose: Pose, angles: jax.Array, speeds: jax.Array, commands: jax.Array
-) -> tuple[jax.Array, jax.Array]:
-    """Returns joint positions and speeds after a physics step.
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Returns joint positions and speeds after a physics step, and the inertia (m, m) in it.
+
+    The inertia includes what is implicit in servos and damping; impulses meet it.
 
     Args:
         arm: the arm.
@@ -153,4 +155,4 @@ def step(
 
     acceleration = jax.lax.fori_loop(0, SOLUTIONS, change, jnp.zeros_like(speeds))
     speeds = speeds + h * acceleration
-    return angles + h * speeds, speeds
+    return angles + h * speeds, speeds, metric

@@ -1,4 +1,4 @@
-"""Solids of hands, which push cloth and rope: their poses and motion in a physics step."""
+"""Solids of hands, which push cloth and rope: their poses, motion and response to impulses."""
 
 from typing import NamedTuple
 
@@ -14,13 +14,15 @@ from softgym_mj.robots.arm_batch.dynamics import Dynamics
 
 
 class Solids(NamedTuple):
-    """Solids of a hand: its pads, then the others.
+    """Solids of a hand, in the order of the model's geoms.
 
     Attributes:
+        is_pad: whether each solid is a pad (k,).
         body: body of each solid (k,).
         position, rotation: pose in the body (k, 3) [m], (k, 3, 3).
     """
 
+    is_pad: np.ndarray
     body: np.ndarray
     position: np.ndarray
     rotation: np.ndarray
@@ -44,9 +46,43 @@ class SolidSteps(NamedTuple):
 def solids_of(arm: Arm) -> Solids:
     """Returns the solids of an arm's hand."""
     model, geoms = models.solid_model(arm)
+    names = [model.geom(geom).name.split("/")[-1] for geom in geoms]
     return Solids(
-        model.geom_bodyid[geoms], model.geom_pos[geoms], chains.matrices(model.geom_quat[geoms])
+        np.isin(names, arm.pad_geoms),
+        model.geom_bodyid[geoms],
+        model.geom_pos[geoms],
+        chains.matrices(model.geom_quat[geoms]),
     )
+
+
+def jacobians(arm: Dynamics, solids: Solids, pose: Pose, yaw: jax.Array) -> jax.Array:
+    """Returns velocities and angular velocities of solids by speeds of joints (k, 6, m).
+
+    They are those of the centers of mass of the solids' bodies, in the world.
+
+    Args:
+        arm: the arm.
+        solids: solids of its hand.
+        pose: its pose.
+        yaw: rotation (3, 3) of its mount.
+    """
+    body = solids.body
+    centers = pose.position[body] + chains.apply(pose.rotation[body], arm.center[body])
+    parts = chains.jacobians(arm.chain, pose, centers, body)
+    return jnp.concatenate([chains.product(yaw, part) for part in parts], axis=1)
+
+
+def responses(jacobians: jax.Array, inertia: jax.Array) -> jax.Array:
+    """Returns speeds of joints (k, m, 6) by impulses and angular impulses on solids.
+
+    Args:
+        jacobians: result of `jacobians`.
+        inertia: result of `dynamics.step`.
+    """
+    count, _, joints = jacobians.shape
+    factor = jax.scipy.linalg.cho_factor(inertia, lower=True)
+    columns = jax.scipy.linalg.cho_solve(factor, jacobians.reshape(-1, joints).T)
+    return columns.T.reshape(count, 6, joints).swapaxes(1, 2)
 
 
 def steps(
@@ -71,17 +107,11 @@ def steps(
     frame = pose.rotation[body]
     points = base + chains.apply(yaw, pose.position[body] + chains.apply(frame, solids.position))
     turns = chains.product(yaw, chains.product(frame, solids.rotation))
-    centers = pose.position[body] + chains.apply(frame, arm.center[body])
-    jacobians = chains.jacobians(arm.chain, pose, centers, body)
-
-    def motion(speeds):
-        parts = [chains.apply(yaw, chains.apply(own, speeds)) for own in jacobians]
-        return jnp.concatenate(parts, axis=-1)
-
+    rates = jacobians(arm, solids, pose, yaw)
     return SolidSteps(
         jnp.concatenate([points, quaternions(turns)], axis=-1),
-        motion(before),
-        motion((after - before) / arm.timestep),
+        chains.apply(rates, before),
+        chains.apply(rates, (after - before) / arm.timestep),
     )
 
 

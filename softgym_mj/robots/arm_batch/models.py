@@ -42,16 +42,13 @@ def dynamic_model(arm: Arm, timestep: float) -> tuple[mujoco.MjModel, np.ndarray
 
 @functools.lru_cache(maxsize=bodies.KEPT)
 def solid_model(arm: Arm) -> tuple[mujoco.MjModel, list[int]]:
-    """Returns the model of an arm with its geoms, and those that push: the pads, then the hand's.
+    """Returns the model of an arm with its geoms, and the ids of those that push, ascending.
 
     Its bodies are those of `dynamic_model`. Nobody may change it.
     """
     root = _root(arm)
     model = mujoco.MjModel.from_xml_string(root.to_xml_string(), assets=root.get_assets())
-    (name,) = bodies.names(arm, 1)
-    pads = [model.geom(f"{name}/{pad}").id for pad in arm.pad_geoms]
-    pushing = np.flatnonzero(model.geom_contype == GRIPPER_CONTACT).tolist()
-    return model, [*pads, *(geom for geom in pushing if geom not in pads)]
+    return model, np.flatnonzero(model.geom_contype == GRIPPER_CONTACT).tolist()
 
 
 def _root(arm: Arm) -> mjcf.RootElement:
