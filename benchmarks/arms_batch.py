@@ -24,6 +24,7 @@ import softgym_mj
 from softgym_mj.robots.arm.models import ARMS
 from softgym_mj.robots.arm_batch import chain, dynamics, inverse_kinematics, models
 from softgym_mj.robots.arm_batch.arms import ArmBatch
+from softgym_mj.robots.arm_batch.state import read_state
 from softgym_mj.robots.base import SIM_STEP
 
 SIM_STEPS = 8  # In an env step.
@@ -36,7 +37,7 @@ def started(arm: str, number: int) -> tuple[ArmBatch, dict[str, np.ndarray]]:
     env = softgym_mj.load("straighten_rope", actor=arm, arms=number)
     env.reset(800)
     batch = ArmBatch.of(env.task.actor, env.physics.model.opt.timestep)
-    return batch, batch.read(env.task.actor)
+    return batch, read_state(env.task.actor)
 
 
 def milliseconds(call: Callable[[], Any]) -> float:

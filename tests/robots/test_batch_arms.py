@@ -14,6 +14,7 @@ from softgym_mj.policies.experts import make_policy
 from softgym_mj.robots.arm.arms import Arms
 from softgym_mj.robots.arm.models import ARMS
 from softgym_mj.robots.arm_batch.arms import ArmBatch
+from softgym_mj.robots.arm_batch.state import control_state, read_state
 from softgym_mj.robots.base import SIM_STEP
 from tests.robots.arms import usually
 from tests.scenes import arm_paths
@@ -76,7 +77,7 @@ def test_random_actions_move_arms_as_in_environments(case):
     scenes = [Scene(arm, int(number), seed, float(timestep)) for seed in range(3)]
     arms = scenes[0].arms
     batch = batch_like(arms, scenes[0].model.opt.timestep)
-    state = batch.stack([batch.read(scene.arms) for scene in scenes])
+    state = batch.stack([read_state(scene.arms) for scene in scenes])
     for _ in range(15):
         actions = np.array([scene.action() for scene in scenes])
         state, motion = batch.step(state, actions, SIM_STEPS)
@@ -109,7 +110,7 @@ def test_experts_move_arms_as_in_environments(task):
     for variation in (800, 801):
         timestep = env.reset(variation)
         policy = make_policy(env)
-        rows.append(batch.read(arms))
+        rows.append(read_state(arms))
         actions.append([])
         recorded.append([])
         for _ in range(20):
@@ -154,7 +155,7 @@ def pushing(model, data, number):
 def test_solids_of_hands_move_as_in_environments():
     scenes = [Scene("franka", 2, seed) for seed in range(3)]
     batch = batch_like(scenes[0].arms, scenes[0].model.opt.timestep)
-    state = batch.stack([batch.read(scene.arms) for scene in scenes])
+    state = batch.stack([read_state(scene.arms) for scene in scenes])
     for _ in range(3):
         actions = np.array([scene.action() for scene in scenes])
         state, motion = batch.step(state, actions, SIM_STEPS)
@@ -183,12 +184,14 @@ def test_solids_of_hands_move_as_in_environments():
 def test_an_environment_goes_on_from_a_batch():
     scenes = [Scene("franka", 2, seed) for seed in range(3)]
     batch = batch_like(scenes[0].arms, scenes[0].model.opt.timestep)
-    state = batch.stack([batch.read(scene.arms) for scene in scenes])
+    state = batch.stack([read_state(scene.arms) for scene in scenes])
     actions = np.random.default_rng(2).uniform(-1.0, 1.0, (6, 3, 8))
     for action in actions[:3]:
         state, _ = batch.step(state, action, SIM_STEPS)
     later, arms = scenes[0], scenes[0].arms  # Takes the place of environment 1.
-    states = arms.get_state() | batch.get_state(state, 1)
+    states = arms.get_state() | control_state(
+        jax.tree.map(lambda array: np.asarray(array)[1], state)
+    )
     servos, fingers = arms.servos, arms.servos.fingers
     joints = len(servos.joints)
     for array, found, own, hands in (
@@ -198,7 +201,7 @@ def test_an_environment_goes_on_from_a_batch():
         array[own] = np.asarray(found)[1, :, :joints].ravel()
         array[hands] = np.asarray(found)[1, :, joints:]
     arms.set_state(states)
-    row = batch.read(arms)
+    row = read_state(arms)
     np.testing.assert_array_equal(row["rates"], np.asarray(state.rates)[1])
     for action in actions[3:]:
         state, motion = batch.step(state, action, SIM_STEPS)
@@ -209,7 +212,7 @@ def test_an_environment_goes_on_from_a_batch():
 def test_runs_give_the_same_bits_and_environments_do_not_touch_each_other():
     scenes = [Scene("franka", 2, seed) for seed in range(3)]
     batch = batch_like(scenes[0].arms, scenes[0].model.opt.timestep)
-    rows = [batch.read(scene.arms) for scene in scenes]
+    rows = [read_state(scene.arms) for scene in scenes]
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, (4, 3, 8))
 
     def played():
@@ -231,7 +234,7 @@ def test_runs_give_the_same_bits_and_environments_do_not_touch_each_other():
 def test_arrays_are_shared_with_pytorch():
     scenes = [Scene("franka", 2, seed) for seed in range(3)]
     batch = batch_like(scenes[0].arms, scenes[0].model.opt.timestep)
-    state = batch.stack([batch.read(scene.arms) for scene in scenes])
+    state = batch.stack([read_state(scene.arms) for scene in scenes])
     actions = torch.zeros((3, 8), dtype=torch.float64)
     with jax.enable_x64(True):
         assert jax.dlpack.from_dlpack(actions).unsafe_buffer_pointer() == actions.data_ptr()
@@ -247,12 +250,12 @@ def test_arrays_are_shared_with_pytorch():
 def test_what_batches_cannot_do_is_refused():
     scene = Scene("franka", 1, 0)
     batch = ArmBatch.of(scene.arms)
-    row = batch.read(scene.arms)
+    row = read_state(scene.arms)
     with pytest.raises(InvalidArgumentError, match="sim_steps=7"):
         batch.step(batch.stack([row]), np.zeros((1, 4)), 7)
     scene.arms.command(np.zeros(4))
     scene.arms.plan()
     with pytest.raises(InvalidArgumentError, match="phase=0"):
-        batch.read(scene.arms)
+        read_state(scene.arms)
     with pytest.raises(InvalidArgumentError, match="friction"):
         ArmBatch.of(Arms(ARMS["franka"], 1, grasp="friction"))

@@ -15,34 +15,8 @@ from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.arm.mounts import Mount
 from softgym_mj.robots.arm_batch import chain, commands, dynamics, hands, inverse_kinematics, models
 from softgym_mj.robots.arm_batch.chain import Pose
+from softgym_mj.robots.arm_batch.state import ArmState, packed
 from softgym_mj.robots.base import SIM_STEP
-
-
-class ArmState(NamedTuple):
-    """State of the arms of environments: n arms with m joints each, and two fingers.
-
-    Attributes:
-        positions, speeds: joints, then fingers (num_envs, n, m + 2) [rad and m, and each second].
-        reference, rates: joint angles of the controller's reference and the speeds that led there
-            (num_envs, n, m) [rad], [rad/s].
-        start, goal: commands of the servos at the last solution and at the next (num_envs, n, m)
-            [rad].
-        filter: command filter; arrays (num_envs, n, 3).
-        leader: tool points of the reference (num_envs, n, 3) [m].
-        limits: lowest and highest commanded point (num_envs, 2, 3) [m].
-        failures: number of solutions that were not found (num_envs,).
-    """
-
-    positions: jax.Array
-    speeds: jax.Array
-    reference: jax.Array
-    rates: jax.Array
-    start: jax.Array
-    goal: jax.Array
-    filter: commands.Filter
-    leader: jax.Array
-    limits: jax.Array
-    failures: jax.Array
 
 
 class Motion(NamedTuple):
@@ -108,64 +82,16 @@ class ArmBatch:
             raise InvalidArgumentError("actor", arms.name, valid)
         return cls(arms.arm, arms.mounts, timestep)
 
-    def read(self, arms: cpu.Arms) -> dict[str, np.ndarray]:
-        """Returns a row of the state by name, from the arms of an environment between env steps.
-
-        Raises:
-            InvalidArgumentError: if the controller is between two solutions.
-        """
-        state, number = arms.get_state(), len(arms.mounts)
-        phase = int(state["phase"])
-        if phase != SOLVE_EVERY - 1:
-            raise InvalidArgumentError("phase", phase, [SOLVE_EVERY - 1])
-        servos = arms.servos
-        data, fingers = servos.fingers.data, servos.fingers
-
-        def joined(values, own, hands):
-            return np.concatenate([values[own].reshape(number, -1), values[hands]], axis=1)
-
-        commanded, points, step = state["filter"]
-        return {
-            "positions": joined(data.qpos, servos.positions_at, fingers.positions_at),
-            "speeds": joined(data.qvel, servos.speeds_at, fingers.speeds_at),
-            "reference": state["configuration"].reshape(number, -1),
-            "rates": state["velocity"].reshape(number, -1),
-            "start": state["servo"][0].reshape(number, -1),
-            "goal": state["servo"][1].reshape(number, -1),
-            "commanded": commanded,
-            "points": points,
-            "step": step,
-            "leader": arms.controller.points(),
-            "limits": np.array(arms.limits),
-            "failures": state["failures"].astype(np.int32),
-        }
-
     def stack(self, rows: Sequence[dict[str, np.ndarray]], device: Any = None) -> ArmState:
         """Returns the state of environments on a device of JAX, from a row of each.
 
         Args:
-            rows: results of `read`.
+            rows: results of `read_state`.
             device: the device; None for the first of JAX's.
         """
         with jax.enable_x64(True):
             own = {name: np.stack([row[name] for row in rows]) for name in rows[0]}
-            filtered = commands.Filter(*(own.pop(name) for name in commands.Filter._fields))
-            return jax.device_put(ArmState(filter=filtered, **own), device or jax.devices()[0])
-
-    def get_state(self, state: ArmState, i: int) -> dict[str, np.ndarray]:
-        """Returns entries of `Arms.get_state` of environment `i`: all but those of grips.
-
-        Joints are not part of it.
-        """
-        own: ArmState = jax.tree.map(lambda array: np.asarray(array)[i], state)
-        return {
-            "configuration": own.reference.ravel(),
-            "velocity": own.rates.ravel(),
-            "failures": own.failures.astype(int),
-            "phase": np.array(SOLVE_EVERY - 1),
-            "servo": np.array([own.start.ravel(), own.goal.ravel()]),
-            "filter": np.array(own.filter),
-        }
+            return jax.device_put(packed(own), device or jax.devices()[0])
 
     def step(self, state: ArmState, actions: Any, sim_steps: int) -> tuple[ArmState, Motion]:
         """Returns state and motion of an env step.

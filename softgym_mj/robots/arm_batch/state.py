@@ -1,0 +1,98 @@
+"""`ArmState`: state of the arms of environments, read from arms of environments and back."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.robots.arm.arms import Arms
+from softgym_mj.robots.arm.joint_servos import SOLVE_EVERY
+from softgym_mj.robots.arm_batch import commands
+
+
+class ArmState(NamedTuple):
+    """State of the arms of environments: n arms with m joints each, and two fingers.
+
+    Attributes:
+        positions, speeds: joints, then fingers (num_envs, n, m + 2) [rad and m, and each second].
+        reference, rates: joint angles of the controller's reference and the speeds that led there
+            (num_envs, n, m) [rad], [rad/s].
+        start, goal: commands of the servos at the last solution and at the next (num_envs, n, m)
+            [rad].
+        filter: command filter; arrays (num_envs, n, 3).
+        leader: tool points of the reference (num_envs, n, 3) [m].
+        limits: lowest and highest commanded point (num_envs, 2, 3) [m].
+        failures: number of solutions that were not found (num_envs,).
+    """
+
+    positions: jax.Array
+    speeds: jax.Array
+    reference: jax.Array
+    rates: jax.Array
+    start: jax.Array
+    goal: jax.Array
+    filter: commands.Filter
+    leader: jax.Array
+    limits: jax.Array
+    failures: jax.Array
+
+
+def read_state(arms: Arms) -> dict[str, np.ndarray]:
+    """Returns a row of the state by name, from the arms of an environment between env steps.
+
+    Raises:
+        InvalidArgumentError: if the controller is between two solutions.
+    """
+    state, number = arms.get_state(), len(arms.mounts)
+    phase = int(state["phase"])
+    if phase != SOLVE_EVERY - 1:
+        raise InvalidArgumentError("phase", phase, [SOLVE_EVERY - 1])
+    servos = arms.servos
+    data, fingers = servos.fingers.data, servos.fingers
+
+    def joined(values, own, hands):
+        return np.concatenate([values[own].reshape(number, -1), values[hands]], axis=1)
+
+    commanded, points, step = state["filter"]
+    return {
+        "positions": joined(data.qpos, servos.positions_at, fingers.positions_at),
+        "speeds": joined(data.qvel, servos.speeds_at, fingers.speeds_at),
+        "reference": state["configuration"].reshape(number, -1),
+        "rates": state["velocity"].reshape(number, -1),
+        "start": state["servo"][0].reshape(number, -1),
+        "goal": state["servo"][1].reshape(number, -1),
+        "commanded": commanded,
+        "points": points,
+        "step": step,
+        "leader": arms.controller.points(),
+        "limits": np.array(arms.limits),
+        "failures": state["failures"].astype(np.int32),
+    }
+
+
+def packed(arrays: Mapping[str, Any]) -> ArmState:
+    """Returns the state from its arrays by name, as in `read_state`; others are ignored."""
+    own = {name: array for name, array in arrays.items() if name in ArmState._fields}
+    return ArmState(
+        filter=commands.Filter(*(arrays[name] for name in commands.Filter._fields)), **own
+    )
+
+
+def unpacked(state: ArmState) -> dict[str, Any]:
+    """Returns the arrays of a state by name, as in `read_state`."""
+    arrays = state._asdict()
+    return {**arrays.pop("filter")._asdict(), **arrays}
+
+
+def control_state(own: ArmState) -> dict[str, np.ndarray]:
+    """Returns entries of `Arms.get_state` but those of grips, of one environment (NumPy)."""
+    return {
+        "configuration": own.reference.ravel(),
+        "velocity": own.rates.ravel(),
+        "failures": own.failures.astype(int),
+        "phase": np.array(SOLVE_EVERY - 1),
+        "servo": np.array([own.start.ravel(), own.goal.ravel()]),
+        "filter": np.array(own.filter),
+    }
