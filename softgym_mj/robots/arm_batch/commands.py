@@ -69,13 +69,25 @@ def within_reach(arm: Arm, arms: Kinematics, points: jax.Array, limits: jax.Arra
     """
     local = inverse_kinematics.to_mounts(arms, jnp.clip(points, limits[0], limits[1]))
     forward, left, height = jnp.maximum(local[:, 0], mounts.FORWARD), local[:, 1], local[:, 2]
-    inner, outer = arm.reach
-    farthest = jnp.sqrt(jnp.maximum(outer**2 - (height - mounts.MIDDLE) ** 2, inner**2))
     distance = jnp.sqrt(forward**2 + left**2)
-    scale = jnp.minimum(jnp.maximum(distance, inner), farthest) / distance
+    scale = jnp.minimum(jnp.maximum(distance, arm.reach[0]), _farthest(arm, height)) / distance
     return inverse_kinematics.to_world(
         arms, jnp.stack([scale * forward, scale * left, height], axis=1)
     )
+
+
+def at_end(arm: Arm, arms: Kinematics, points: jax.Array) -> jax.Array:
+    """Returns which points (arms, 3) [m] are at the end of the arms' reach (arms,) bool."""
+    forward, left, height = inverse_kinematics.to_mounts(arms, points).T
+    distance = jnp.sqrt(forward**2 + left**2)
+    near = (forward < mounts.FORWARD + mounts.END) | (distance < arm.reach[0] + mounts.END)
+    return near | (distance > _farthest(arm, height) - mounts.END)
+
+
+def _farthest(arm: Arm, height: jax.Array) -> jax.Array:
+    """Returns `Mount.farthest` at heights (arms,) [m] above the mounts."""
+    inner, outer = arm.reach
+    return jnp.sqrt(jnp.maximum(outer**2 - (height - mounts.MIDDLE) ** 2, inner**2))
 
 
 def drawn_in(points: jax.Array, centers: jax.Array, radius: float) -> jax.Array:

@@ -1,0 +1,162 @@
+"""`PushedArms`: arms in a batch that the object on their hands pushes back."""
+
+import functools
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from softgym_mj.robots.arm.models import Arm
+from softgym_mj.robots.arm.mounts import Mount
+from softgym_mj.robots.arm_batch import chain as chains
+from softgym_mj.robots.arm_batch import commands, hands, inverse_kinematics
+from softgym_mj.robots.arm_batch.arms import ArmBatch
+from softgym_mj.robots.arm_batch.state import ArmState
+from softgym_mj.robots.base import SIM_STEP
+
+SUBSTEPS = 25  # Of a step of cloth and rope, as in cloth/plugin.
+
+
+class Push(NamedTuple):
+    """Push of an object in a step, on n arms with k solids, m joints and two fingers.
+
+    Attributes:
+        impulses: sums J and K of each solid, `ClothBatchSolver.solid_impulses`
+            (num_envs, n, k, 2, 6).
+        accelerations: of the joints without the object (num_envs, n, m + 2) [rad/s^2 or m/s^2].
+        responses: speeds of the joints by impulses on each solid (num_envs, n, k, m + 2, 6).
+    """
+
+    impulses: jax.Array
+    accelerations: jax.Array
+    responses: jax.Array
+
+
+class Hands(NamedTuple):
+    """Hands at the start of a step, and their solids in it.
+
+    Attributes:
+        points: tool points (num_envs, n, 3) [m].
+        velocities: their velocities (num_envs, n, 3) [m/s].
+        fingers: positions of the fingers (num_envs, n, 2) [m].
+        solids: motion of the solids without the object; arrays begin with (num_envs, n, k).
+        jacobians: as in `SolidMotion` (num_envs, n, k, 6, m + 2).
+    """
+
+    points: jax.Array
+    velocities: jax.Array
+    fingers: jax.Array
+    solids: hands.SolidSteps
+    jacobians: jax.Array
+
+
+class Ended(NamedTuple):
+    """Arms at the end of an env step.
+
+    Attributes:
+        sensed: as `JointServos.sensed` (num_envs, n (8 + 2 m)).
+        at_reach: number of commanded points at the end of the reach (num_envs,).
+        poses: positions [m] and quaternions of the moving bodies (num_envs, n bodies, 7).
+    """
+
+    sensed: jax.Array
+    at_reach: jax.Array
+    poses: jax.Array
+
+
+class PushedArms(ArmBatch):
+    """Arms whose sim steps are single physics steps, interleaved with those of an object.
+
+    Call order in an env step: `solve` and `step_alone`, then `step_alone`, alternately; at the end
+    `finish`.
+
+    Attributes:
+        is_pad: whether each solid of a hand is a pad (k,).
+    """
+
+    def __init__(self, arm: Arm, mounts: Sequence[Mount]):
+        """Prepares arms of a kind on mounts."""
+        super().__init__(arm, mounts, SIM_STEP)
+        self.is_pad = self._solids.is_pad
+        self.solve = jax.jit(jax.vmap(self._solved))
+        self.step_alone = jax.jit(jax.vmap(self._alone, (0, 0, 0, None)))
+        self.finish = jax.jit(jax.vmap(self._finished))
+
+    def no_push(self, number: int, device: jax.Device) -> Push:
+        """Returns the push of nothing on `number` environments, on a device."""
+        lead = number, len(self.kinematics.base)
+        solids, joints = len(self.is_pad), self._joints + 2
+        shapes = (*lead, solids, 2, 6), (*lead, joints), (*lead, solids, joints, 6)
+        with jax.enable_x64(True):
+            return jax.device_put(Push(*map(np.zeros, shapes)), device)
+
+    # ------------------------------------------------------------------ one environment
+
+    def _solved(self, state: ArmState, action: jax.Array) -> ArmState:
+        return self._solve(state, action.reshape(-1, 4)[:, :3])
+
+    def _alone(
+        self, state: ArmState, push: Push, action: jax.Array, phase: jax.Array
+    ) -> tuple[ArmState, Push, Hands]:
+        """Ends the last step with its push; makes the next one without.
+
+        Args:
+            state: arms after the last step without its push.
+            push: push in the last step.
+            action: action of the env step.
+            phase: sim steps since the last solution.
+
+        Returns:
+            State after the step without its push, this push but for the impulses, and the hands.
+        """
+        each, arm = action.reshape(-1, 4), self._dynamics
+        state = self._lead(_pushed(state, push), each[:, :3], phase > 0)
+        pose = self._poses(state.positions)
+        later, inertia, solids = self._part(state, pose, phase + 1.0, self._fingers(each))
+        jacobians = jax.vmap(functools.partial(hands.jacobians, arm, self._solids))(
+            pose, self.kinematics.yaw
+        )
+        found = push._replace(
+            accelerations=(later.speeds - state.speeds) / arm.timestep,
+            responses=jax.vmap(hands.responses)(jacobians, inertia),
+        )
+        points, _, velocities = inverse_kinematics.hands(
+            self.kinematics, arm.chain, pose, state.speeds
+        )
+        fingers = state.positions[:, self._joints :]
+        return later, found, Hands(points, velocities, fingers, solids, jacobians)
+
+    def _finished(self, state: ArmState, push: Push) -> tuple[ArmState, Ended]:
+        """Ends the last sim step of an env step with its push."""
+        state, arms = _pushed(state, push), self.kinematics
+        pose, chain = self._poses(state.positions), self._dynamics.chain
+        points, rotations, _ = inverse_kinematics.hands(arms, chain, pose, state.speeds)
+        joints, fingers = jnp.split(state.positions, [self._joints], axis=1)
+        own = (
+            hands.quaternions(rotations), fingers.sum(1, keepdims=True),
+            joints, state.speeds[:, : self._joints],
+        )  # fmt: skip
+        sensed = jnp.concatenate([points.ravel(), jnp.concatenate(own, axis=1).ravel()])
+        ends = commands.at_end(self._arm, arms, state.filter.commanded)
+        moving = np.flatnonzero(chain.moves.any(1))
+        places = arms.base[:, None] + chains.apply(arms.yaw[:, None], pose.position[:, moving])
+        turns = hands.quaternions(chains.product(arms.yaw[:, None], pose.rotation[:, moving]))
+        poses = jnp.concatenate([places, turns], axis=-1).reshape(-1, 7)
+        return state, Ended(sensed, ends.sum(), poses)
+
+
+def _pushed(state: ArmState, push: Push) -> ArmState:
+    """Returns the state with the push of the last step (cloth/batch/README.md)."""
+
+    def gained(which: int) -> jax.Array:
+        impulses = push.impulses[:, :, which, None]
+        return (push.responses * impulses).sum((1, 3))
+
+    acts = (push.impulses != 0.0).any((1, 2, 3))[:, None]
+    missed = (1.0 - 1.0 / SUBSTEPS) / 2.0 * SIM_STEP**2 * push.accelerations
+    return state._replace(
+        positions=state.positions + gained(1) - jnp.where(acts, missed, 0.0),
+        speeds=state.speeds + gained(0) * (SUBSTEPS / SIM_STEP),
+    )

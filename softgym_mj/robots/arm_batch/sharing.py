@@ -1,0 +1,42 @@
+"""Arrays of NumPy and PyTorch as arrays of JAX and back, without copies by the host."""
+
+import os
+from typing import Any
+
+import jax
+import numpy as np
+
+from softgym_mj.exceptions import UnavailableError
+
+
+def device_like(array: Any) -> jax.Device:
+    """Returns the device of JAX that an array of NumPy or PyTorch is on.
+
+    Raises:
+        UnavailableError: if JAX cannot use it.
+    """
+    kind = "cpu" if isinstance(array, np.ndarray) else array.device.type
+    # By default, JAX takes three quarters of a GPU's memory at its start.
+    os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
+    try:
+        return jax.devices(kind)[0]
+    except RuntimeError as error:
+        raise UnavailableError(
+            f"arms on a GPU need JAX with CUDA ({error}): pip install 'jax[cuda13]'"
+        ) from error
+
+
+def to_jax(array: Any, device: jax.Device) -> jax.Array:
+    """Returns an array of JAX, which may share memory with `array` on the same device."""
+    if isinstance(array, np.ndarray):
+        return jax.device_put(array, device)
+    return jax.dlpack.from_dlpack(array)
+
+
+def like(array: Any, found: jax.Array) -> Any:
+    """Returns a read-only array of JAX as one of the library of `array`; they share memory."""
+    if isinstance(array, np.ndarray):
+        return np.asarray(found)
+    import torch
+
+    return torch.from_dlpack(found)
