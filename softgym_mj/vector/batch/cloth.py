@@ -1,11 +1,12 @@
-"""`ClothBatch`: batch physics of a rope or cloth with pickers."""
+"""`ClothBatch`: batch physics of a rope or cloth with grippers."""
 
 import math
+from typing import Any
 
 import numpy as np
 
 from softgym_mj.batch.device import Device
-from softgym_mj.cloth.batch_solver import KEPT_PAIRS, ClothBatchSolver, describe
+from softgym_mj.cloth.batch_solver import KEPT_PAIRS, SIDES, ClothBatchSolver, describe
 from softgym_mj.entities.flex import edge_strains, highest_speed, is_overloaded
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import cpu_only
@@ -13,6 +14,7 @@ from softgym_mj.metrics import Array, constant, lengths
 from softgym_mj.robots.grip import remembered
 from softgym_mj.robots.pick_and_place import PixelPickAndPlace
 from softgym_mj.robots.picker import Picker
+from softgym_mj.tasks.shared.base import Task
 from softgym_mj.tasks.shared.state import State
 from softgym_mj.vector.batch.physics import Arrays, BatchPhysics
 from softgym_mj.vector.batch.pick_and_place import PickAndPlaceBatch
@@ -30,7 +32,7 @@ def _is_known(actor: type) -> bool:
 
 
 class ClothBatch(BatchPhysics):
-    """Batch physics of one flex that pickers move."""
+    """Batch physics of one flex that pickers move; a subclass has other grippers."""
 
     def __init__(self, env: Environment, num_envs: int, device: Device):
         """Allocates the batch for an environment's task.
@@ -40,29 +42,40 @@ class ClothBatch(BatchPhysics):
             num_envs, device: Arguments of `ClothBatchSolver`.
 
         Raises:
-            InvalidArgumentError: Unless there is exactly one flex and the actor is a picker.
+            InvalidArgumentError: Unless there is exactly one flex and the actor is supported.
         """
         task, flexes = env.task, env.task.flexes.flexes
-        if not _is_known(type(task.actor)):
-            raise cpu_only(f"actor={task.actor.name.split('/')[0]!r}")
+        self._check(task)
         if len(flexes) != 1 or len(task.objects) != 1:
             raise cpu_only(f"a task with several objects {[*task.scene.materials]}")
         self._env, self._flex, self._actor = env, flexes[0], task.actor
         self._name = next(iter(task.scene.materials))
-        self._device, self._xp, actor = device, device.xp, task.actor
-        self._solver = ClothBatchSolver(num_envs, task.max_points, actor.num_grippers, device)
+        self._device, self._xp = device, device.xp
+        sizes = num_envs, task.max_points, task.actor.num_grippers, device
+        self._solver = ClothBatchSolver(*sizes, *self._solids())
         self.flags, self.state = self._solver.flags, self._solver.rows()
-        own = actor.radius, actor.pick_distance
-        self._pickers = (
-            PickAndPlaceBatch(self.state, device, num_envs, *own)
-            if isinstance(actor, PixelPickAndPlace)
-            else PickerBatch(self.state, device.xp, actor.num_grippers, *own, actor.commands)
-        )
+        self._pickers: PickerBatch = self._grips(num_envs)
         # Path lengths (`Ways.all`) of all meshes so far, the first index of each mesh, and the
         # first free index.
         self._ways = device.zeros((1,), "float64")
         self._ways_at: dict[bytes, int] = {}
         self._ways_end = 0
+
+    def _check(self, task: Task) -> None:
+        """Raises `InvalidArgumentError` if the actor is not supported."""
+        if not _is_known(type(task.actor)):
+            raise cpu_only(f"actor={task.actor.name.split('/')[0]!r}")
+
+    def _solids(self) -> tuple[int, int]:
+        """Returns `solids` and `dofs` of `ClothBatchSolver`."""
+        return 0, 0
+
+    def _grips(self, num_envs: int) -> PickerBatch:
+        actor, device = self._actor, self._device
+        own = actor.radius, actor.pick_distance
+        if isinstance(actor, PixelPickAndPlace):
+            return PickAndPlaceBatch(self.state, device, num_envs, *own)
+        return PickerBatch(self.state, device.xp, actor.num_grippers, *own, actor.commands)
 
     @property
     def changed(self) -> int:  # type: ignore[override]
@@ -78,13 +91,11 @@ class ClothBatch(BatchPhysics):
         rest lengths [m] of edges, ways (`MeshDistances.all`), the flex's radius, hold_force,
         max_tracking_error and hold_stretch, and view (camera of pixel actions).
         """
-        flex, model = self._flex, self._env.physics.model.ptr
-        is_told = isinstance(self._actor, PixelPickAndPlace)
+        flex = self._flex
         return {
             **{name: array.copy() for name, array in self.arrays().items()},
-            **self._actor.get_state(),
-            **({"view": self._actor.view()} if is_told else {}),
-            "model": describe(model, self._grippers()),
+            **self._actor_state(),
+            "model": self._described(),
             "origin": flex.origin,
             "present": np.ones(flex.num_points, bool),
             "count": np.array(flex.num_points),
@@ -97,6 +108,15 @@ class ClothBatch(BatchPhysics):
             "max_tracking_error": np.array(flex.max_tracking_error),
             "hold_stretch": np.array(flex.hold_stretch),
         }
+
+    def _actor_state(self) -> dict[str, Any]:
+        """Reads the state of the actor in the CPU environment."""
+        is_pixel = isinstance(self._actor, PixelPickAndPlace)
+        return {**self._actor.get_state(), **({"view": self._actor.view()} if is_pixel else {})}
+
+    def _described(self) -> np.ndarray:
+        """Converts the CPU environment's model for `ClothBatchSolver`."""
+        return describe(self._env.physics.model.ptr, self._grippers())
 
     def placed(self, read: Arrays) -> Arrays:
         """Returns a row of `state`; ways_at is the mesh's first index in `_ways`."""
@@ -121,8 +141,7 @@ class ClothBatch(BatchPhysics):
         found = {
             "qpos": self._flex.slides,
             "qvel": self._flex.slide_velocities,
-            "gripper_qpos": self._actor.slides,
-            "gripper_qvel": self._actor.slide_velocities,
+            **self._actor_arrays(),
         }
         model, data = self._env.physics.model.ptr, self._env.physics.data.ptr
         rest, vertices = data.plugin_state[model.plugin_stateadr[0] :], self._flex.num_points
@@ -132,11 +151,17 @@ class ClothBatch(BatchPhysics):
             "after_edge": (len(self._flex.edges),),
             "holding_force": (vertices,),
             "after_layers": (vertices, KEPT_PAIRS, 4),
+            "sides": (SIDES if self._solids()[0] else 0,),
         }.items():
             size = math.prod(shape)
             found[name], rest = rest[:size].reshape(shape), rest[size:]
         found["twist"] = np.zeros(1)  # The ropes of tasks do not twist.
         return found
+
+    def _actor_arrays(self) -> Arrays:
+        """Returns views of the actor's state in the CPU environment by name."""
+        slides, velocities = self._actor.slides, self._actor.slide_velocities
+        return {"gripper_qpos": slides, "gripper_qvel": velocities}
 
     def _grippers(self) -> list[int]:
         """Returns ids of the pickers' geoms."""
@@ -159,12 +184,7 @@ class ClothBatch(BatchPhysics):
 
     def sim_step(self) -> None:
         xp, state, pickers = self._xp, self.state, self._pickers
-
-        def offsets(centers: Array) -> Array:
-            room = state["origin"].shape[1]
-            return state["qpos"][:, None, :room] + (state["origin"][:, None] - centers[:, :, None])
-
-        pickers.plan(offsets, state["present"])
+        pickers.plan(self._offsets, state["present"])
         goals = pickers.goals(state["radius"])
         held = xp.clip(state["held"], min=0)
         forces = xp.take_along_axis(state["holding_force"], held, axis=1)
@@ -176,7 +196,17 @@ class ClothBatch(BatchPhysics):
             forces, behind, state["hold_force"][:, None], state["max_tracking_error"][:, None]
         )
         pickers.release_overloaded(goals, slips, self._gap)
-        models = self._solver.models
+        self._step(goals)
+
+    def _offsets(self, centers: Array) -> Array:
+        """Returns vertices relative to centers (num_envs, n, 3): (num_envs, n, vertices, 3) [m]."""
+        state, room = self.state, self.state["origin"].shape[1]
+        return state["qpos"][:, None, :room] + (state["origin"][:, None] - centers[:, :, None])
+
+    def _step(self, goals: Array) -> None:
+        """Steps the flex; held vertices move to their goals (num_envs, grippers, 3) [m]."""
+        xp, state, models = self._xp, self.state, self._solver.models
+        pickers = self._pickers
         if isinstance(pickers, PickAndPlaceBatch):  # Environments without a model stand still.
             whole = xp.asarray(models, copy=True)
             models[...] = xp.where(pickers.moving, whole, 0)
@@ -198,11 +228,20 @@ class ClothBatch(BatchPhysics):
         return self._xp.where(state["present"][:, :number, None], points, 0.0)
 
     def task_state(self, number: int) -> State:
-        xp, grips = self._xp, self._pickers.grips
-        present = xp.asarray(self.state["present"][:, :number], copy=True)
-        centers = xp.asarray(grips.center, copy=True).reshape((len(present), -1))
+        present = self._xp.asarray(self.state["present"][:, :number], copy=True)
         points = self.points(number)
-        return State({self._name: points}, {self._name: present}, {}, centers, remembered(grips))
+        return State(
+            {self._name: points}, {self._name: present}, {}, self._sensed(), self._remembered()
+        )
+
+    def _sensed(self) -> Array:
+        """Returns the proprioception (num_envs, n)."""
+        centers = self._xp.asarray(self.state["center"], copy=True)
+        return centers.reshape((len(centers), -1))
+
+    def _remembered(self) -> Array:
+        """Returns the internal state (num_envs, n) of the actor."""
+        return remembered(self._pickers.grips)
 
     def poses(self) -> Array:
         """Returns the poses of pickers, which never rotate."""

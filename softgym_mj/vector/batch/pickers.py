@@ -61,9 +61,7 @@ class PickerBatch:
         """Starts a sim step; the arguments are those of `step_grips`."""
         assert self._command is not None, "a command comes first"
         xp, before = self._xp, self._state["held"]
-        low, high = (self._state["workspace"][:, None, i] for i in range(2))
-        limits = GripLimits(low + self._radius, high - self._radius, self._reach)
-        self._set(step_grips(self.grips, self._command, offsets, present, limits))
+        self._set(step_grips(self.grips, self._command, offsets, present, self._limits()))
         takes = (before < 0) & (self._state["held"] >= 0)
         if not may_be(xp, takes):
             return
@@ -72,15 +70,23 @@ class PickerBatch:
             order[:, i] = xp.where(takes[:, i], xp.max(order, axis=1) + 1, order[:, i])
         self._state["order"] = order
 
+    def _limits(self) -> GripLimits:
+        low, high = (self._state["workspace"][:, None, i] for i in range(2))
+        return GripLimits(low + self._radius, high - self._radius, self._reach)
+
     def goals(self, resting_height: Array) -> Array:
         """Returns targets of held vertices (num_envs, pickers, 3) [m]; undefined if none is held.
 
         Args:
             resting_height: Height of vertices on the floor (num_envs,) [m].
         """
-        goals = self._state["center"] + self._state["offset"]
+        goals = self._ahead() + self._state["offset"]
         goals[..., 2] = self._xp.maximum(goals[..., 2], resting_height[:, None])
         return goals
+
+    def _ahead(self) -> Array:
+        """Returns the grippers' centers (num_envs, pickers, 3) [m] after the next physics step."""
+        return self._state["center"]
 
     def release_overloaded(self, goals: Array, slips: Array, gap: Gap) -> None:
         """Releases vertices that slip, and later holds that pull too far from earlier ones.
