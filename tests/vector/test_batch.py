@@ -205,7 +205,6 @@ def test_a_row_that_diverges_ends_alone():
 
 def test_what_it_cannot_do_is_refused_by_name():
     for task, settings, name in (
-        ("straighten_rope", {"actor": "franka"}, "actor='franka' is.*use device='cpu'"),
         ("straighten_rope", {"actor": "pick_and_place"}, "actor='pick_and_place'"),
         ("straighten_rope", {"observation": "point_cloud"}, "point_cloud' is.*device='cpu'"),
         ("straighten_rope", {"render_mode": "rgb_array"}, "render_mode='rgb_array'"),

@@ -8,12 +8,14 @@ from gymnasium.vector import AutoresetMode
 
 from softgym_mj.batch.device import Device
 from softgym_mj.batch.solver import NOT_FINITE
+from softgym_mj.envs.environment import Environment
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.envs.snapshots import Snapshot
-from softgym_mj.exceptions import LifecycleError, check_count, cpu_only
+from softgym_mj.exceptions import LifecycleError, check_count, cpu_only, import_extra
 from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.grip import may_be
 from softgym_mj.robots.gripper import HELD
+from softgym_mj.tasks.shared.base import Task
 from softgym_mj.tasks.shared.observations import STATES
 from softgym_mj.tasks.shared.state import Episode, State
 from softgym_mj.vector.backend import MOST_ENVIRONMENTS, Backend, check_running, clipping
@@ -63,8 +65,7 @@ class BatchEpisodes(Backend):
         self._task, self.horizon = example.dm_env.task, example.horizon
         self._names = _observations(example)
         self.num_envs = check_count("num_envs", num_envs, 1, MOST_ENVIRONMENTS)
-        kind = ClothBatch if self._task.flexes.flexes else FluidBatch
-        self._physics: BatchPhysics = kind(example.dm_env, num_envs, device)
+        self._physics = _physics_class(self._task)(example.dm_env, num_envs, device)
         self._cameras = Cameras(example.dm_env, self._names, num_envs, self._physics, device)
         self._initial_states = InitialStateCache(
             example.dm_env, self._physics, self._cameras, device, make
@@ -177,16 +178,19 @@ class BatchEpisodes(Backend):
         """Computes the result of `advance` from arrays whose addresses depend on `key` only.
 
         With actions of variable duration the number of sim steps changes from step to step, so the
-        device repeats sim steps one by one.
+        device repeats sim steps one by one; likewise with parts that graphs cannot replay.
         """
-        repeat, steps = self._device.repeat, self._task.action_repeat
-        if self._task.actor.sim_steps is None:
+        repeat, steps, physics = self._device.repeat, self._task.action_repeat, self._physics
+        if self._task.actor.sim_steps is None and not physics.is_interleaved:
             parts = self._command, *[self._sim_step] * steps
             return repeat(key, lambda: self._kept(*parts, lambda: self._outcome(mode)))
         repeat(key, lambda: self._kept(self._command), "command")
-        for _ in range(self._physics.sim_steps(steps)):
+        for _ in range(physics.sim_steps(steps)):
+            physics.lead()
             repeat(key, lambda: self._kept(self._sim_step), "sim step")
-        return repeat(key, lambda: self._kept(lambda: self._outcome(mode)), "outcome")
+        physics.finish()
+        last = self._note, lambda: self._outcome(mode)
+        return repeat(key, lambda: self._kept(*last), "outcome")
 
     def _kept(self, *parts: Callable[[], Any]) -> Any:
         """Calls functions, keeps arrays at their addresses, returns the last function's result.
@@ -204,8 +208,12 @@ class BatchEpisodes(Backend):
         at["warnings"], at["diverged"] = at["warnings"] + xp.astype(unknown, xp.int64), unknown
 
     def _sim_step(self) -> None:
-        xp, at, flags = self._xp, self._at, self._physics.flags
         self._physics.sim_step()
+        self._note()
+
+    def _note(self) -> None:
+        """Applies the failures of a sim step."""
+        xp, at, flags = self._xp, self._at, self._physics.flags
         # MuJoCo counts one warning per sim step with a failure, up to the one that ends the
         # episode.
         wrong = (flags != 0) & ~at["diverged"]
@@ -259,6 +267,14 @@ class BatchEpisodes(Backend):
 
     def settle(self) -> None:
         self._next_episodes.settle(self._device.get(self._at["used"]), self.sampler)
+
+
+def _physics_class(task: Task) -> Callable[[Environment, int, Device], BatchPhysics]:
+    if not task.flexes.flexes:
+        return FluidBatch
+    if not task.actor.wrists:
+        return ClothBatch
+    return import_extra("softgym_mj.vector.batch.arms", "JAX", "gpu-arms").ArmClothBatch
 
 
 def _observations(example: SoftGymEnv) -> tuple[str, ...]:

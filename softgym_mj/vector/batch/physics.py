@@ -18,11 +18,13 @@ class BatchPhysics(Protocol):
         state: Simulation state of all environments: name -> array (num_envs, ...).
         changed: Number of times that arrays outside `state` have been replaced.
         flags: Failures so far as bits (num_envs,); the first one: the state is not finite.
+        is_interleaved: Whether `lead` and `finish` do anything, which graphs cannot replay.
     """
 
     state: dict[str, Any]
     changed: int
     flags: Array
+    is_interleaved: bool = False
 
     def read(self) -> Arrays:
         """Reads model and state from the CPU environment so that a batch row can continue it."""
@@ -53,8 +55,16 @@ class BatchPhysics(Protocol):
         """
         return usual
 
+    def lead(self) -> None:
+        """Begins a sim step, before `sim_step`, outside of graphs."""
+        return None
+
     def sim_step(self) -> None:
         """Makes a sim step of all environments."""
+
+    def finish(self) -> None:
+        """Ends an env step, after all sim steps, outside of graphs."""
+        return None
 
     def task_state(self, number: int) -> State:
         """Returns the task's `State` of all environments, with `number` points each."""

@@ -1,0 +1,241 @@
+"""`ArmClothBatch`: batch physics of a rope or cloth with robot arms."""
+
+import functools
+from collections.abc import Mapping
+from typing import Any
+
+import jax
+import mujoco
+import numpy as np
+
+from softgym_mj.batch.solver import NOT_FINITE
+from softgym_mj.cloth.batch_solver import SolidMotion, describe
+from softgym_mj.entities.flex import GRIPPER_CONTACT
+from softgym_mj.exceptions import InvalidArgumentError, cpu_only
+from softgym_mj.metrics import Array, constant
+from softgym_mj.robots.arm import bodies
+from softgym_mj.robots.arm.arms import Arms
+from softgym_mj.robots.arm.joint_servos import SOLVE_EVERY
+from softgym_mj.robots.arm.models import Arm
+from softgym_mj.robots.arm.mounts import Mount
+from softgym_mj.robots.arm.position_action import PositionAction
+from softgym_mj.robots.arm_batch import models
+from softgym_mj.robots.arm_batch.pushed import Push, PushedArms
+from softgym_mj.robots.arm_batch.sharing import device_like, like, to_jax
+from softgym_mj.robots.arm_batch.state import control_state, packed, read_state, unpacked
+from softgym_mj.robots.base import SIM_STEP
+from softgym_mj.tasks.shared.base import Task
+from softgym_mj.vector.batch.arm_grips import ArmGrips
+from softgym_mj.vector.batch.cloth import ClothBatch
+from softgym_mj.vector.batch.physics import Arrays
+
+ATTACH = "attach"  # The grasp that batches support.
+# State of grips in `Arms.get_state`.
+GRIPS = "center", "held", "offset", "dropped", "yielded", "order", "solid", "workspace"
+
+
+@functools.lru_cache(maxsize=4)
+def _arms_of(arm: Arm, mounts: tuple[Mount, ...]) -> PushedArms:
+    """Returns arms whose functions are compiled once for all batches of a process."""
+    return PushedArms(arm, mounts)
+
+
+class ArmClothBatch(ClothBatch):
+    """Batch physics of one flex that arms hold by attachment and push.
+
+    Sim steps of the arms, by JAX, alternate with those of the flex. State of the arms: "arms", with
+    the arrays of `read_state`, `sensed`, `at_reach` and `poses` of their bodies.
+    """
+
+    is_interleaved = True
+    _actor: Arms
+
+    def _check(self, task: Task) -> None:
+        if not isinstance(task.actor, Arms):
+            raise cpu_only(f"actor={task.actor.name!r}")
+        _, grasp, *action = task.actor.name.split("/")
+        for name, value, valid in (
+            ("grasp", grasp, ATTACH),
+            ("action", *(action or [PositionAction.name]), PositionAction.name),
+        ):
+            if value != valid:
+                devices = "on 'host' and 'cuda'; device='cpu' has all"
+                raise InvalidArgumentError(name, value, f"{valid!r} {devices}")
+        if task.physics_timestep != SIM_STEP:
+            raise cpu_only(f"timestep={task.physics_timestep}")
+        if task.action_repeat % SOLVE_EVERY:
+            raise cpu_only(f"action_repeat={task.action_repeat}, not a multiple of {SOLVE_EVERY},")
+
+    @functools.cached_property
+    def _arms(self) -> PushedArms:
+        return _arms_of(self._actor.arm, self._actor.mounts)
+
+    def _solids(self) -> tuple[int, int]:
+        return len(self._geoms), len(self._actor.arm.joints) + 2
+
+    def _grips(self, num_envs: int) -> ArmGrips:
+        xp, zeros, number = self._xp, self._device.zeros, self._actor.num_grippers
+        (solids, dofs), lead = self._solids(), (num_envs, number)
+        # Results of JAX in arrays that keep their addresses, for graphs.
+        sizes = {"points": 3, "velocities": 3, "fingers": 2}
+        self._hands = {name: zeros((*lead, size), "float64") for name, size in sizes.items()}
+        self._hands["closed"] = zeros(lead, "bool")
+        each = {
+            "poses": (7,), "velocities": (6,), "accelerations": (6,),
+            "jacobians": (6, dofs), "responses": (dofs, 6),
+        }  # fmt: skip
+        self._moved = {
+            name: zeros((num_envs, solids, *size), "float64") for name, size in each.items()
+        }
+        self._actions = zeros((num_envs, self._actor.action_size), "float64")
+        self._count = 0  # Sim steps in this env step.
+        return ArmGrips(self.state, xp, self._hands, self._actor.arm)
+
+    # ------------------------------------------------------------------ the environment
+
+    @functools.cached_property
+    def _names(self) -> list[str]:
+        """Name prefixes of each arm's elements in the scene."""
+        arm, root = self._actor.arm, self._actor.mjcf_model.model
+        return [f"{root}/{name}/" for name in bodies.names(arm, self._actor.num_grippers)]
+
+    @property
+    def _geoms(self) -> list[int]:
+        """Ids of the hands' solids, ascending."""
+        alone, solids = models.solid_model(self._actor.arm)
+        names, model = [_own(alone.geom(i).name) for i in solids], self._env.physics.model.ptr
+        return [model.geom(prefix + name).id for prefix in self._names for name in names]
+
+    def movers(self) -> list[int]:
+        alone, _ = models.solid_model(self._actor.arm)
+        names = [_own(alone.body(i).name) for i in np.flatnonzero(alone.body_treeid >= 0)]
+        model = self._env.physics.model.ptr
+        return [model.body(prefix + name).id for prefix in self._names for name in names]
+
+    def _described(self) -> np.ndarray:
+        model, number = self._env.physics.model.ptr, self._actor.num_grippers
+        pads = self._actor.servos.fingers.pads
+        before = model.geom_contype[pads]
+        model.geom_contype[pads] = GRIPPER_CONTACT  # Also of those that do not push now.
+        described = describe(model, [-1] * number, solids=self._geoms)
+        model.geom_contype[pads] = before
+        return described
+
+    def _actor_state(self) -> dict[str, Any]:
+        actor, data = self._actor, self._env.physics.data.ptr
+        state, own = actor.get_state(), self.movers()
+        mujoco.mj_kinematics(self._env.physics.model.ptr, data)
+        arms = {
+            **read_state(actor),
+            "sensed": actor.proprioception(),
+            "at_reach": np.array(actor.at_reach),
+            "poses": np.concatenate([data.xpos[own], data.xquat[own]], axis=1),
+        }
+        return {**{name: state[name] for name in GRIPS}, "arms": arms}
+
+    def _actor_arrays(self) -> Arrays:
+        data, servos = self._env.physics.data.ptr, self._actor.servos
+        fingers, size = servos.fingers, servos.number * (len(servos.joints) + 2)
+        views = {}
+        for name, array, joints, own in (
+            ("arm_qpos", data.qpos, servos.positions_at, fingers.positions_at),
+            ("arm_qvel", data.qvel, servos.speeds_at, fingers.speeds_at),
+        ):
+            order = np.concatenate([joints.reshape(servos.number, -1), own], axis=1).ravel()
+            assert np.array_equal(order, order[0] + np.arange(size)), "joints, then fingers"
+            views[name] = array[order[0] : order[0] + size]
+        return views
+
+    # ------------------------------------------------------------------ environments
+
+    def command(self, actions: Array) -> None:
+        super().command(actions)
+        self._actions[...] = actions
+
+    def lead(self) -> None:
+        arms, phase = self._arms, self._count % SOLVE_EVERY
+        with jax.enable_x64(True):
+            if self._count == 0:
+                self._now = self._shared(packed(self.state["arms"]))
+                self._action, push = self._shared(self._actions), self._no_push
+            else:
+                push = self._pushed()
+            if phase == 0:
+                self._now = arms.solve(self._now, self._action)
+            self._now, self._push, hands = arms.step_alone(self._now, push, self._action, phase)
+        solids = {**hands.solids._asdict(), "jacobians": hands.jacobians}
+        solids["responses"] = self._push.responses
+        for into, arrays in ((self._hands, hands._asdict()), (self._moved, solids)):
+            self._put(into, {name: arrays[name] for name in into if name in arrays})
+        self._results = hands
+        self._count += 1
+
+    def finish(self) -> None:
+        with jax.enable_x64(True):
+            state, ended = self._arms.finish(self._now, self._pushed())
+        self._put(self.state["arms"], {**unpacked(state), **ended._asdict()})
+        self._results, self._count = (state, ended), 0
+        unknown = ~self._xp.isfinite(self.state["arms"]["sensed"]).all(-1)
+        self.flags[...] = self.flags | self._xp.astype(unknown, self.flags.dtype) * NOT_FINITE
+
+    @functools.cached_property
+    def _jax_device(self) -> jax.Device:
+        return device_like(self._actions)
+
+    @functools.cached_property
+    def _no_push(self) -> Push:
+        return self._arms.no_push(len(self._actions), self._jax_device)
+
+    def _pushed(self) -> Push:
+        """Returns the push in the last sim step."""
+        impulses = self._solver.solid_impulses
+        lead = len(impulses), self._actor.num_grippers, -1
+        return self._push._replace(impulses=self._shared(impulses.reshape((*lead, 2, 6))))
+
+    def _shared(self, arrays: Any) -> Any:
+        """Returns arrays of JAX in place of arrays of this batch."""
+        return jax.tree.map(lambda array: to_jax(array, self._jax_device), arrays)
+
+    @staticmethod
+    def _put(into: Mapping[str, Array], found: Mapping[str, jax.Array]) -> None:
+        """Copies arrays of JAX into arrays with their names."""
+        for name, array in found.items():
+            whole = into[name]
+            whole[...] = like(whole, array).reshape(whole.shape)
+
+    def _step(self, goals: Array) -> None:
+        solid = self.state["solid"][..., None]
+        touching = solid | ~constant(self._arms.is_pad, solid)
+        motion = SolidMotion(touching=touching.reshape((len(solid), -1)), **self._moved)
+        self._solver.step(self.state["center"], self.state["held"], goals, motion)
+
+    # ------------------------------------------------------------------ what is seen
+
+    def _sensed(self) -> Array:
+        return self._xp.asarray(self.state["arms"]["sensed"], copy=True)
+
+    def _remembered(self) -> Array:
+        commanded = self.state["arms"]["commanded"]
+        return self._xp.concat(
+            [super()._remembered(), commanded.reshape((len(commanded), -1))], axis=-1
+        )
+
+    def poses(self) -> Array:
+        return self._xp.asarray(self.state["arms"]["poses"], copy=True)
+
+    def info(self, strains: Array, largest: Array) -> dict[str, Array]:
+        arms = self.state["arms"]
+        own = {"ik_failures": arms["failures"], "at_reach": arms["at_reach"]}
+        return {**super().info(strains, largest), **own}
+
+    def get_state(self, i: int) -> tuple[Arrays, Arrays]:
+        get, state = self._device.get, self.state
+        own = {name: get(array[i]) for name, array in state["arms"].items()}
+        grips = {name: get(state[name][i]) for name in GRIPS}
+        arms = {"arm_qpos": own["positions"].ravel(), "arm_qvel": own["speeds"].ravel()}
+        return {**self._solver.get_state(i), **arms}, {**grips, **control_state(packed(own))}
+
+
+def _own(name: str) -> str:
+    """Returns an element's name without the model's."""
+    return name.rsplit("/", maxsplit=1)[-1]

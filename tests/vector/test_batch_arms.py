@@ -1,0 +1,204 @@
+"""Rows of arrays with arms: their oracle is the environment with the same arms."""
+
+import functools
+import sys
+
+import numpy as np
+import pytest
+import torch
+from gymnasium.vector import AutoresetMode
+
+import softgym_mj
+from softgym_mj.envs.gymnasium_env import SoftGymEnv
+from softgym_mj.exceptions import InvalidArgumentError, UnavailableError
+from softgym_mj.policies.experts import make_policy
+from softgym_mj.vector.base import VectorEnv
+from softgym_mj.vector.batch.backend import BatchBackend
+from tests.native.torch_device import TorchDevice
+from tests.vector.same import same
+
+pytest.importorskip("jax", reason="needs the extra gpu-arms")
+
+# JAX compiles once for all batches of three environments with two arms of a kind.
+VARIATIONS = [800, 801, 802]
+SETTINGS = {
+    "observation": ["full", "held", "markov", "proprioception", "reduced"],
+    "split": VARIATIONS,
+    "actor": "franka",
+}
+STEPS = 20  # Env steps over which paths of the arms are compared.
+
+
+def _make(task, **settings):
+    return softgym_mj.make_vec(task, 3, device="host", **{**SETTINGS, **settings})
+
+
+def _reset(envs, **options):
+    return envs.reset(seed=0, options={"variation": VARIATIONS, **options})
+
+
+def _random(number, seed=0):
+    """Random actions for two arms that mostly grip."""
+    actions = np.random.default_rng(seed).uniform(-1.0, 1.0, (number, 3, 8))
+    actions[..., 3::4] += 0.5
+    return actions.clip(-1.0, 1.0)
+
+
+@functools.cache
+def _recorded(task, actor):
+    """An expert's episodes on the CPU: actions, observations and infos of each variation."""
+    env, found = softgym_mj.load(task, **{**SETTINGS, "actor": actor}), []
+    for variation in VARIATIONS:
+        timestep = env.reset(variation)
+        policy, actions, seen = make_policy(env), [], [(timestep.observation, env.info())]
+        while not timestep.last():
+            actions.append(policy(timestep))
+            timestep = env.step(actions[-1])
+            seen.append((timestep.observation, env.info()))
+        found.append((actions, seen))
+    return found
+
+
+def _tools_and_joints(sensed):
+    """Tool points (..., 2, 3) and joint angles (..., 2, joints) of proprioceptions (..., n)."""
+    own = sensed[..., 6:].reshape(*sensed.shape[:-1], 2, -1)
+    joints = (own.shape[-1] - 5) // 2
+    return sensed[..., :6].reshape(*sensed.shape[:-1], 2, 3), own[..., 5 : 5 + joints]
+
+
+LONG = (
+    "fold_cloth/franka", "spread_cloth/franka", "drop_cloth/franka", "rope_configuration/franka",
+    "fold_cloth/sawyer", "straighten_rope/ur5e",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "case", ["straighten_rope/franka", *(pytest.param(c, marks=pytest.mark.long) for c in LONG)]
+)
+def test_an_expert_acts_as_in_environments(case):
+    task, actor = case.split("/")
+    recorded = _recorded(task, actor)
+    envs, sensed, held = _make(task, actor=actor, autoreset_mode="Disabled"), [], []
+    observations, infos = _reset(envs)
+    for i, (_, seen) in enumerate(recorded):
+        for name, array in seen[0][0].items():
+            np.testing.assert_allclose(observations[name][i], array, rtol=1e-6, err_msg=name)
+        assert {name for name in infos if not name.startswith("_")} == set(seen[0][1])
+    for k in range(envs.get_attr("horizon")[0]):
+        observations, *_, infos = envs.step(np.array([actions[k] for actions, _ in recorded]))
+        sensed.append(observations["proprioception"].astype(float))
+        held.append(observations["held"])
+    expected = np.array(
+        [[each["proprioception"] for each, _ in seen[1:]] for _, seen in recorded]
+    ).swapaxes(0, 1)
+    both = map(_tools_and_joints, (np.array(sensed)[:STEPS], expected[:STEPS]))
+    points, joints = (np.abs(a - b) for a, b in zip(*both, strict=True))
+    assert points.max() < 1e-3
+    assert np.sqrt(np.mean(joints**2)) < 1e-3
+    scores = [seen[-1][1]["normalized_performance"] for _, seen in recorded]
+    np.testing.assert_allclose(infos["normalized_performance"], scores, atol=0.03)
+    assert np.any(held)
+    envs.close()
+
+
+def test_runs_have_the_same_bits():
+    outcomes = []
+    for _ in range(2):
+        envs = _make("straighten_rope")
+        outcomes.append([_reset(envs), *(envs.step(each) for each in _random(4))])
+        envs.close()
+    assert same(*outcomes)
+
+
+def test_snapshots_go_to_environments_and_back():
+    envs, alone = _make("straighten_rope"), SoftGymEnv("straighten_rope", **SETTINGS)
+    _reset(envs)
+    actions = _random(8)
+    for each in actions[:4]:
+        envs.step(each)
+    states = envs.get_state()
+    later = [envs.step(each)[0] for each in actions[4:]]
+    observation, _ = alone.set_state(states[1])
+    for k, each in enumerate(actions[4:]):
+        if k == 2:
+            middle = alone.get_state()
+        observation = alone.step(each[1])[0]
+        for name in ("full", "markov"):
+            np.testing.assert_allclose(observation[name], later[k][name][1], atol=2e-4)
+    envs.set_state(states)
+    again = [envs.step(each)[0] for each in actions[4:]]
+    assert same(later, again)
+    envs.set_state([middle] * 3)
+    for k in (2, 3):
+        observations = envs.step(np.tile(actions[4 + k][1], (3, 1)))[0]
+        for name in ("full", "markov"):
+            np.testing.assert_allclose(observations[name][2], later[k][name][1], atol=2e-4)
+    envs.close()
+
+
+def _tensors(mode="NextStep", **settings):
+    """A batch of tensors."""
+    env = SoftGymEnv("straighten_rope", **{**SETTINGS, **settings})
+    return VectorEnv(BatchBackend(env, 3, TorchDevice()), VARIATIONS, AutoresetMode(mode))
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+def test_tensors_are_arrays_and_episodes_follow_each_other(mode):
+    settings, outcomes = {"horizon": 3, "observation": "full"}, []
+    for envs in (
+        _make("straighten_rope", autoreset_mode=mode, **settings), _tensors(mode, **settings),
+    ):  # fmt: skip
+        _reset(envs)
+        outcomes.append([])
+        for k, each in enumerate(_random(5)):
+            own = torch.from_numpy(each) if envs.backend._device.xp_device else each
+            seen, rewards, _, truncated, _ = envs.step(own)
+            outcomes[-1].append((np.asarray(seen), np.asarray(rewards)))
+            assert np.asarray(truncated).all() == (k == 2)
+        envs.close()
+    for ours, theirs in zip(*outcomes, strict=True):
+        for array, other in zip(ours, theirs, strict=True):
+            np.testing.assert_allclose(other, array, rtol=1e-5, atol=1e-6)
+
+
+def test_a_bad_action_ends_one_environment_alone():
+    outcomes = []
+    for spoils in (False, True):
+        envs = _tensors()
+        _reset(envs)
+        outcomes.append([])
+        for k, each in enumerate(torch.from_numpy(_random(5))):
+            ends = spoils and k == 2
+            if ends:
+                each[1, 5] = torch.nan
+            seen, _, terminated, _, infos = envs.step(each)
+            assert terminated.tolist() == [False, ends, False]
+            assert infos["physics_warnings"].tolist() == [0, int(ends), 0]
+            assert all(array.isfinite().all() for array in seen.values())
+            outcomes[-1].append({name: array[[0, 2]].numpy() for name, array in seen.items()})
+        envs.close()
+    assert same(*outcomes)
+
+
+def test_arms_that_diverge_end_their_environment():
+    envs = _make("straighten_rope")
+    _reset(envs)
+    envs.backend._physics.state["arms"]["speeds"][2] = np.inf
+    observations, _, terminated, *_ = envs.step(_random(1)[0])
+    assert terminated.tolist() == [False, False, True]
+    assert all(np.isfinite(array).all() for array in observations.values())
+    envs.close()
+
+
+def test_what_batches_cannot_do_with_arms_is_refused(monkeypatch):
+    for settings, message in (
+        ({"grasp": "friction"}, "grasp='friction' is not valid: expected 'attach'"),
+        ({"action": "pose"}, "action='pose' is not valid: expected 'position'"),
+        ({"action_repeat": 3}, "action_repeat=3"),
+    ):
+        with pytest.raises(InvalidArgumentError, match=message):
+            _make("straighten_rope", **settings)
+    monkeypatch.delitem(sys.modules, "softgym_mj.vector.batch.arms")
+    monkeypatch.setitem(sys.modules, "jax", None)
+    with pytest.raises(UnavailableError, match=r"JAX is missing.*gpu-arms"):
+        _make("straighten_rope")
