@@ -1,6 +1,7 @@
 """What environments on a GPU do: rates, memory, and whether their bits are those of the CPU.
 
     python -m benchmarks.gpu --out docs/gpu.json
+    python -m benchmarks.gpu --actor franka --tasks straighten_rope --parts rates --out franka.json
 
 For one CUDA device. Each task starts from evaluation variations, one after the other, takes random
 actions, and resets by itself, each environment in another step. Rates count env steps of all
@@ -14,6 +15,7 @@ import json
 import os
 import pathlib
 import platform
+import sys
 import tempfile
 import time
 from typing import Any
@@ -117,13 +119,18 @@ def rate(task: str, number: int, most: int, **settings: Any) -> dict[str, float]
         "flags": flags[flags != 0].tolist(),  # Of ClothBatchSolver or FluidBatchSolver.
         "mean_normalized_performance": round(float(infos["normalized_performance"].mean()), 4),
     }
+    if "jax" in sys.modules:  # Arms; its memory is not PyTorch's.
+        stats = sys.modules["jax"].devices("cuda")[0].memory_stats()
+        found["jax_memory_gb"] = round(stats["peak_bytes_in_use"] / 1e9, 2)
     envs.close()
     return found
 
 
-def played(task: str, number: int, device: str, times: int = 1) -> list[list[np.ndarray]]:
+def played(
+    task: str, number: int, device: str, times: int = 1, **settings: Any
+) -> list[list[np.ndarray]]:
     """What the first rows are observed to be after each env step, and rewards: as many times."""
-    settings: dict[str, Any] = {
+    settings |= {
         "observation": ["full", "reduced", "rgb", "depth", "segmentation"],
         "image_size": (SIDE, SIDE),
         "split": EVALUATION[:BITS],
@@ -147,10 +154,11 @@ def played(task: str, number: int, device: str, times: int = 1) -> list[list[np.
     return found
 
 
-def bits(task: str) -> dict[str, Any]:
+def bits(task: str, **settings: Any) -> dict[str, Any]:
     """Whether a GPU's numbers are the processor's, its own of another run, and in other places."""
-    first, again = played(task, BITS, "cuda", times=2)
-    (among,), (host,) = played(task, 5 * BITS, "cuda"), played(task, BITS, "host")
+    first, again = played(task, BITS, "cuda", times=2, **settings)
+    (among,) = played(task, 5 * BITS, "cuda", **settings)
+    (host,) = played(task, BITS, "host", **settings)
     differences = [np.abs(a - b) for a, b in zip(first, host, strict=True)]
     return {
         "env_steps": BITS * BITS_STEPS,
@@ -161,11 +169,12 @@ def bits(task: str) -> dict[str, Any]:
     }
 
 
-def alone(task: str) -> bool:
+def alone(task: str, **settings: Any) -> bool:
     """Whether an environment that is not finite changes no other."""
     seen = []
     for spoilt in (False, True):
-        envs = softgym_mj.make_vec(task, 8, device="cuda", observation="full", split=EVALUATION[:8])
+        settings |= {"observation": "full", "split": EVALUATION[:8]}
+        envs = softgym_mj.make_vec(task, 8, device="cuda", **settings)
         envs.reset(options={"variation": variations(8, 8)})
         if spoilt:
             name = "qvel" if "qvel" in envs.backend._physics.state else "velocities"
@@ -183,14 +192,18 @@ def main() -> None:
     parser.add_argument("--numbers", nargs="+", type=int, default=NUMBERS)
     parser.add_argument("--variations", type=int, default=len(EVALUATION), help="of the main rate")
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS, help="measured anew")
+    parser.add_argument("--actor", help="instead of the tasks' pickers and cups")
     parser.add_argument("--out", type=pathlib.Path, help="whose other parts stay")
     arguments = parser.parse_args()
     begun, parts = time.perf_counter(), arguments.parts
-    found: dict[str, Any] = {"machine": machine(), **{part: {} for part in PARTS}}
+    actor = {"actor": arguments.actor} if arguments.actor else {}
+    found: dict[str, Any] = {"machine": machine(), **actor, **{part: {} for part in PARTS}}
     if arguments.out and arguments.out.exists():
         before = json.loads(arguments.out.read_text())
         if before["machine"]["gpu"] != found["machine"]["gpu"]:
             parser.error(f"{arguments.out} is of a {before['machine']['gpu']}: name another file")
+        if before.get("actor") != arguments.actor:
+            parser.error(f"{arguments.out} is of actor {before.get('actor')}: name another file")
         found = before
     if "compile_s" in parts:
         found["compile_s"] = compile_times()
@@ -200,19 +213,19 @@ def main() -> None:
             own = found["rates"].setdefault(task, {})
             for number in arguments.numbers:
                 most = arguments.variations if number == MAIN else FEW
-                own[str(number)] = rate(task, number, most)
+                own[str(number)] = rate(task, number, most, **actor)
                 print(task, number, own[str(number)], flush=True)
         if "images" in parts:
             found["images"][task] = {
-                name: rate(task, MAIN, FEW, observation=observation)
+                name: rate(task, MAIN, FEW, observation=observation, **actor)
                 for name, observation in (("without", "reduced"), ("with", ["reduced", "rgb"]))
             }
             print(task, "images", found["images"][task], flush=True)
         if "bits" in parts:
-            found["bits"][task] = bits(task)
+            found["bits"][task] = bits(task, **actor)
             print(task, found["bits"][task], flush=True)
         if "alone" in parts:
-            found["alone"][task] = alone(task)
+            found["alone"][task] = alone(task, **actor)
         if parts == PARTS:
             found["seconds"] = round(time.perf_counter() - begun)
         print(f"{time.perf_counter() - begun:.0f} s", flush=True)

@@ -68,7 +68,8 @@ class ArmClothBatch(ClothBatch):
 
     @functools.cached_property
     def _arms(self) -> PushedArms:
-        return _arms_of(self._actor.arm, self._actor.mounts)
+        with jax.default_device(self._jax_device):
+            return _arms_of(self._actor.arm, self._actor.mounts)
 
     def _solids(self) -> tuple[int, int]:
         return len(self._geoms), len(self._actor.arm.joints) + 2
@@ -153,6 +154,7 @@ class ArmClothBatch(ClothBatch):
         self._actions[...] = actions
 
     def lead(self) -> None:
+        """Makes a sim step of the arms without the flex, after adding its push in the last one."""
         arms, phase = self._arms, self._count % SOLVE_EVERY
         with jax.enable_x64(True):
             if self._count == 0:
@@ -167,6 +169,8 @@ class ArmClothBatch(ClothBatch):
         solids["responses"] = self._push.responses
         for into, arrays in ((self._hands, hands._asdict()), (self._moved, solids)):
             self._put(into, {name: arrays[name] for name in into if name in arrays})
+        # JAX and PyTorch queue work separately and wait for each other where arrays are shared.
+        # The last results may be overwritten only now that such a wait has been queued.
         self._results = hands
         self._count += 1
 
