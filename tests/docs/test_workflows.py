@@ -1,13 +1,19 @@
 """The workflows are valid YAML, name what exists, and find MuJoCo's release."""
 
+import importlib
 import importlib.metadata
+import importlib.util
 import pathlib
 import re
 import tomllib
 
 import pytest
 import yaml
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
+import softgym_mj.envs
+from softgym_mj.exceptions import UnavailableError
 from tools import mujoco_version
 
 ROOT = pathlib.Path(__file__).parents[2]
@@ -54,20 +60,50 @@ def test_the_image_is_made_of_what_is_there():
 def test_all_say_the_same_of_python():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     listed = [text.split()[-1] for text in project["classifiers"] if "Python ::" in text]
-    first, last = listed[0], listed[-1]
+    tested, last = listed[:2], listed[-1]  # The last has no wheels of labmaze.
     above = f"{last.split('.')[0]}.{int(last.split('.')[1]) + 1}"
-    assert project["requires-python"] == f">={first},<{above}"
+    assert project["requires-python"] == f">={listed[0]},<{above}"
     workflows = {path.stem: yaml.safe_load(path.read_text()) for path in WORKFLOWS}
-    for workflow, job in (("ci", "test"), ("wheels", "demo")):
-        assert workflows[workflow]["jobs"][job]["strategy"]["matrix"]["python"] == listed
+    for workflow, job, versions in (("ci", "test", tested), ("wheels", "demo", listed)):
+        assert workflows[workflow]["jobs"][job]["strategy"]["matrix"]["python"] == versions
     assert all(
-        f"python:{last}-slim" in line
+        f"python:{tested[-1]}-slim" in line
         for line in (ROOT / "Dockerfile").read_text().splitlines()
         if line.startswith("FROM")
     )
     built = (ROOT / ".github" / "workflows" / "wheels.yml").read_text()
-    assert " ".join(f"cp{name.replace('.', '')}-*" for name in listed) in built
-    assert f"Python {first} or {last}" in (ROOT / "README.md").read_text()
+    assert " ".join(f"cp{name.replace('.', '')}-*" for name in tested) in built
+    assert f"Python {' or '.join(tested)}" in (ROOT / "README.md").read_text()
+
+
+def test_python_without_labmaze_gets_all_else_that_dm_control_needs():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    above = {"python_version": "3.13", "extra": ""}
+
+    def needed(lines):
+        requirements = [Requirement(line) for line in lines]
+        return {
+            canonicalize_name(one.name): one
+            for one in requirements
+            if one.marker is None or one.marker.evaluate(above)
+        }
+
+    own, theirs = needed(project["dependencies"]), needed(importlib.metadata.requires("dm-control"))
+    assert set(theirs) - set(own) == {"labmaze"}
+    command = next(
+        line for line in project["dependencies"] if line.startswith("dm-control")
+    ).partition(";")[0]
+    for file in (
+        "docs/quickstart.md", "tools/setup.sh", "softgym_mj/envs/__init__.py",
+        ".github/workflows/wheels.yml",
+    ):  # fmt: skip
+        assert f"--no-deps '{command}'" in (ROOT / file).read_text()
+
+
+def test_a_missing_dm_control_names_the_command(monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(UnavailableError, match="pip install --no-deps 'dm-control"):
+        importlib.reload(softgym_mj.envs)
 
 
 def test_the_pinned_mujoco_is_the_one_installed_and_can_be_replaced():
