@@ -89,6 +89,18 @@ def as_array(argument: str, value: object) -> np.ndarray:
         raise InvalidArgumentError(f"{argument} is not an array of numbers: {reason}") from error
 
 
+def as_shaped(argument: str, value: object, shape: tuple[int, ...]) -> np.ndarray:
+    """Converts a value to an array of this shape.
+
+    Raises:
+        InvalidArgumentError: if its shape is another, or NumPy cannot convert it.
+    """
+    array = as_array(argument, value)
+    if array.shape != shape:
+        raise InvalidArgumentError(f"{argument}.shape", array.shape, str(shape))
+    return array
+
+
 def _described(annotation: Any) -> str:
     """Returns an annotation in words, such as "a whole number or None"."""
     origin, parts = typing.get_origin(annotation), typing.get_args(annotation)

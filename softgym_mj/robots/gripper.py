@@ -14,6 +14,7 @@ from softgym_mj.robots.base import ActionSpace, BodyActor
 from softgym_mj.robots.grip import NONE, GripCommand, remembered
 from softgym_mj.robots.holding import Holding
 from softgym_mj.robots.workspace import ToolStart, Workspace
+from softgym_mj.validation import as_shaped
 
 HELD = "held"  # Observation: uint8 (grippers,), 1 for each gripper that holds a vertex.
 MAX_DISPLACEMENT = 0.01  # [m] per axis and sim step: 1 m/s per axis (docs/softgym.md 2.1).
@@ -145,8 +146,22 @@ class Gripper(BodyActor):
             fractions: fractions of `MAX_DISPLACEMENT` along X, Y and Z in a sim step (num_grippers,
                 3).
             grips: whether each gripper closes (num_grippers,).
+
+        Raises:
+            InvalidArgumentError: for another shape.
         """
+        fractions, grips = self._checked(grips, fractions=fractions)
         return np.column_stack([fractions, np.where(grips, 1.0, -1.0)]).ravel()
+
+    def _checked(self, grips: object, **moves: object) -> list[np.ndarray]:
+        """Returns moves (num_grippers, 3), then grips (num_grippers,), as arrays.
+
+        Raises:
+            InvalidArgumentError: for another shape.
+        """
+        number = self.num_grippers
+        arrays = [as_shaped(name, move, (number, 3)) for name, move in moves.items()]
+        return [*arrays, as_shaped("grips", grips, (number,))]
 
     @abc.abstractmethod
     def positions(self) -> np.ndarray:

@@ -85,6 +85,15 @@ def test_without_turns_a_pose_is_a_position():
     np.testing.assert_allclose(one, other, atol=1e-5)
 
 
+def test_actions_are_built_from_a_row_per_hand_only():
+    actor = Acting.of("franka", "pose").arms  # One hand.
+    good = np.zeros((1, 3))
+    for build in (actor.displacing, lambda moves, grips: actor.posing(good, moves, grips)):
+        for moves, grips in ((np.zeros(3), [True]), (np.zeros((2, 3)), [True]), (good, True)):
+            with pytest.raises(InvalidArgumentError, match=r"shape=\(.*expected \(1,( 3)?\)"):
+                build(moves, grips)
+
+
 @arms_of("franka")
 def test_the_tilt_is_bounded_and_the_frame_comes_back(arm):
     scene = Acting.of(arm, "pose")

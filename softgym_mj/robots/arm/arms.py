@@ -155,7 +155,7 @@ class Arms(ArmActor, Gripper):
         self._closed = self._lead.command(action)
 
     def displacing(self, fractions: np.ndarray, grips: Sequence[bool] | np.ndarray) -> np.ndarray:
-        return self._lead.displacing(fractions, np.asarray(grips))
+        return self._lead.displacing(*self._checked(grips, fractions=fractions))
 
     def plan(self) -> None:
         """Moves the commanded points by the action, as far as allowed, and the arms after them."""
@@ -206,9 +206,9 @@ class Arms(ArmActor, Gripper):
             grips: whether each gripper closes (num_grippers,).
 
         Raises:
-            InvalidArgumentError: unless `action` is "pose".
+            InvalidArgumentError: unless `action` is "pose"; for another shape.
         """
-        return self._poses.posing(fractions, turned, np.asarray(grips))
+        return self._poses.posing(*self._checked(grips, fractions=fractions, turned=turned))
 
     @property
     def _poses(self) -> PoseAction:
