@@ -62,6 +62,11 @@ def measured(*arguments):
     return {"measure": lambda *_: Measures(*arguments)}
 
 
+def measured_from(expression):
+    """Methods of a task that measures an expression of `state` and `episode`."""
+    return {"measure": eval(f"lambda self, state, episode: {expression}")}
+
+
 BAD_METHODS = [
     ({"measure": lambda *_: 0.5}, r"measure\(\)=0.5.*`Measures`"),
     (measured(np.nan, {}), "performance=nan.*a finite number"),
@@ -89,6 +94,13 @@ BAD_METHODS = [
     ({"reduced": lambda *_: {"a": point(np.zeros(2))}}, r"reduced\(\)\['a'\].*a point \(3,\)"),
     ({"reduced": lambda *_: {"a": points(np.zeros((1, 2)))}}, r"reduced\(\)\['a'\].*\(k, 3\)"),
     ({"resize": lambda self, variation: None}, r"resize\(\)=None.*True if the model changed"),
+    ({"goal": lambda *_: np.zeros(3)}, r"episode.goal=array.*a dict from names to arrays"),
+    (measured_from("state.points['clth']"), "state.points='clth'.*did you mean 'cloth'"),
+    (measured_from("state.present['']"), "state.present=''.*valid choices: 'cloth'"),
+    (measured_from("state.poses['cup']"), "state.poses='cup'.*there are none here"),
+    (measured_from("episode.points['rope']"), "episode.points='rope'.*'cloth'"),
+    (measured_from("episode.shapes['rope']"), "episode.shapes='rope'.*'cloth'"),
+    (measured_from("episode.goal['x']"), "episode.goal='x'.*there are none here"),
 ]
 
 

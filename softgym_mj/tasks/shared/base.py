@@ -27,7 +27,7 @@ from softgym_mj.tasks.shared.observations import (
     warn_of_hidden_goal,
 )
 from softgym_mj.tasks.shared.scene import Scene
-from softgym_mj.tasks.shared.state import Episode, State
+from softgym_mj.tasks.shared.state import Episode, Named, State
 from softgym_mj.variations.indices import SPLITS, Start, check_variation, generator
 from softgym_mj.variations.randomization import DomainRandomization
 from softgym_mj.variations.store import VariationStore
@@ -169,9 +169,10 @@ class Task(Definition):
 
     def _new_episode(self, points: dict[str, np.ndarray]) -> Episode:
         # Stored points: those read back from the model differ in the last bit.
-        points = {**points, **self._stored}
-        goal = self.goal(self._variation, points)
-        return Episode(self._variation, points, self.scene.shapes(), goal, 0.0)
+        points = Named("episode.points", {**points, **self._stored})
+        shapes = Named("episode.shapes", self.scene.shapes())
+        goal = Named("episode.goal", self.goal(self._variation, points))
+        return Episode(self._variation, points, shapes, goal, 0.0)
 
     def initialize_episode(self, physics, random_state):
         self.arrange(generator(type(self).__name__, self._variation))

@@ -20,7 +20,7 @@ from softgym_mj.fluid import Water
 from softgym_mj.rendering.look import Look
 from softgym_mj.robots.base import Actor
 from softgym_mj.tasks.shared.sensor import TaskSensor
-from softgym_mj.tasks.shared.state import State
+from softgym_mj.tasks.shared.state import Named, State
 from softgym_mj.variations.randomization import Adjustable, Prefixed
 
 MOST_SPEED = 20.0  # [m/s] Ten times the speed of grippers; 10^5 random steps stay far below it.
@@ -128,10 +128,13 @@ class Scene:
         """Returns the current state."""
         points = self.points()
         if not self._present:
-            self._present = {name: np.ones(len(array), bool) for name, array in points.items()}
+            present = {name: np.ones(len(array), bool) for name, array in points.items()}
+            self._present = Named("state.present", present)
         poses = {cup.mjcf_model.model: cup.whole_pose for cup in self.cups}
-        actor = self._actor
-        return State(points, self._present, poses, actor.proprioception(), actor.remembered())
+        return State(
+            Named("state.points", points), self._present, Named("state.poses", poses),
+            self._actor.proprioception(), self._actor.remembered(),
+        )  # fmt: skip
 
     def check_finite(self) -> None:
         """Raises `PhysicsError`, and counts a warning, if the state is not finite or too large.

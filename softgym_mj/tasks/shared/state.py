@@ -5,12 +5,31 @@ or PyTorch's.
 """
 
 import dataclasses
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, Never
 
 import numpy as np
 
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.metrics import Array
+
+
+class Named(dict[str, Any]):
+    """Arrays by name.
+
+    Raises:
+        InvalidArgumentError: for an unknown name, or arrays without names.
+    """
+
+    def __init__(self, title: str, arrays: Mapping[str, Any]):
+        """Copies `arrays`; `title` names them in messages."""
+        if not isinstance(arrays, Mapping):
+            raise InvalidArgumentError(title, arrays, "a dict from names to arrays")
+        super().__init__(arrays)
+        self._title = title
+
+    def __missing__(self, name: object) -> Never:
+        raise InvalidArgumentError(self._title, name, tuple(self) or "no name: there are none here")
 
 
 class State(NamedTuple):
