@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.learning.learner import Method
 from softgym_mj.learning.settings import TrainingSettings
+from softgym_mj.policies.exported import has_images
 
 # Module and class of the settings, by name.
 METHODS = {
@@ -98,6 +99,14 @@ def _imported(name: str) -> _Found:
 def preset_names(name: str) -> list[str]:
     """Returns the names of a method's presets; `name` as in `find_preset`."""
     return [*_find(name).presets]
+
+
+def image_methods(task: str) -> list[str]:
+    """Returns the names of the methods whose first preset observes images."""
+    observed = {
+        name: find_preset(name, preset_names(name)[0], task)[0].observations for name in METHODS
+    }
+    return [name for name in METHODS if has_images(observed[name])]
 
 
 def find_preset(

@@ -15,8 +15,10 @@ from softgym_mj.exceptions import InvalidArgumentError, SoftGymError, Unavailabl
 from softgym_mj.learning.exploring import Explorer, problem_of
 from softgym_mj.learning.learner import Learner, Method, Offline, check_random_steps
 from softgym_mj.learning.players import Players
+from softgym_mj.learning.registry import METHODS, image_methods
 from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.symmetries import SYMMETRIC
+from softgym_mj.policies.exported import has_images
 from softgym_mj.registry import find
 
 
@@ -25,8 +27,13 @@ def check_settings(settings: TrainingSettings, method: Method) -> None:
 
     Raises:
         InvalidArgumentError: if random steps leave none to learn from; for symmetric replay of a
-            task without symmetries.
+            task without symmetries; for images with a method of states.
     """
+    if has_images(settings.observations) and method.name in METHODS:
+        able = image_methods(settings.task)
+        if method.name not in able:
+            valid = f"a state with {method.name}; {', '.join(able)} learn from images"
+            raise InvalidArgumentError("observation", settings.observation, valid)
     check_random_steps(method.settings, settings.env_steps, settings.num_envs)
     has_symmetries = bool(find(settings.task).resolve().symmetries)
     if getattr(method.settings, "symmetric", False) and not has_symmetries:

@@ -70,6 +70,12 @@ def test_lengths_that_do_not_fit_are_refused(settings, message):
     [
         ("straighten_rope", {"env_steps": 4_096}, "random_steps=10240 .*0 to 3840"),
         (
+            "straighten_rope",
+            {"observation": "rgb"},
+            "observation='rgb' .*a state with sac; planet, wu, curl, drq, distill, teacher_student,"
+            " bc_images learn from images",
+        ),
+        (
             "pour_water",
             {"symmetric": True},
             """task='pour_water'.*--settings '{"symmetric": false}'""",
