@@ -40,10 +40,10 @@ Trust = Annotated[
     bool,
     typer.Option("--trust", help="Load FILE.pt2 although it can run any code: trust its author."),
 ]
-Settings = Annotated[
+TaskSettings = Annotated[
     str,
     typer.Option(
-        help='Arguments of the task as JSON: \'{"actor": "franka", "grasp": "friction"}\'.'
+        help='Arguments of the task as JSON: \'{"domain": "in_distribution", "action_repeat": 4}\'.'
     ),
 ]
 Ray = Annotated[
@@ -109,8 +109,8 @@ def for_people(
     return given(actor=actor, grasp=grasp, look=look)
 
 
-def parsed_settings(settings: str) -> dict[str, Any]:
-    """Returns the content of the option `Settings`.
+def parsed_settings(settings: str, name: str = "task_settings") -> dict[str, Any]:
+    """Returns the content of the option `TaskSettings`, or of another one, with its name.
 
     Raises:
         InvalidArgumentError: if it is not a JSON object.
@@ -120,7 +120,7 @@ def parsed_settings(settings: str) -> dict[str, Any]:
     except (ValueError, RecursionError):
         parsed = None
     if not isinstance(parsed, dict):
-        raise InvalidArgumentError("settings", settings, "a JSON object")
+        raise InvalidArgumentError(name, settings, "a JSON object")
     return parsed
 
 

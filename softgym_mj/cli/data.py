@@ -13,8 +13,8 @@ from softgym_mj.cli.console import (
     Jobs,
     Look,
     Ray,
-    Settings,
     Task,
+    TaskSettings,
     Trust,
     Variations,
     chosen_variations,
@@ -78,7 +78,7 @@ def record(
         ),
     ] = None,
     look: Look = None,
-    settings: Settings = "{}",
+    task_settings: TaskSettings = "{}",
     seed: Annotated[int, typer.Option(help="Seed of the random policy and noise.", min=0)] = 0,
     trust: Trust = False,
     successful_only: Annotated[
@@ -115,13 +115,14 @@ def record(
     from softgym_mj import recording
 
     played = chosen_variations(variations, split, episodes, ("train", 10))
-    chosen = {**parsed_settings(settings), **given(actor=actor, grasp=grasp, look=look)}
+    chosen = {**parsed_settings(task_settings), **given(actor=actor, grasp=grasp, look=look)}
     if observation is not None:
         chosen["observation"] = observation.split(",")
     chosen.setdefault("observation", recording.make_format(format, codec).observation)
     for name in inspect.signature(recording.record).parameters:
         if name in chosen:
-            raise InvalidArgumentError("settings", settings, f"arguments of the task; not {name!r}")
+            valid = f"arguments of the task; not {name!r}"
+            raise InvalidArgumentError("task_settings", task_settings, valid)
     if task == ALL and dataset is not None:
         raise InvalidArgumentError(
             "dataset", dataset, "None with all tasks: their ids contain the task"

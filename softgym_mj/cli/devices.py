@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from softgym_mj.cli.console import Settings, Task, console, parsed_settings
+from softgym_mj.cli.console import Task, TaskSettings, console, parsed_settings
 from softgym_mj.exceptions import UnavailableError, check_count, check_number
 from softgym_mj.vector.make import DEVICES, make_vec
 
@@ -41,12 +41,12 @@ def bench(
     num_envs: Annotated[int, typer.Option(help="Number of environments.")] = 16,
     device: Annotated[str, typer.Option(help=f"Simulation device: {', '.join(DEVICES)}.")] = "cpu",
     seconds: Annotated[float, typer.Option(help="Approximate measuring time.")] = 5.0,
-    settings: Settings = "{}",
+    task_settings: TaskSettings = "{}",
 ) -> None:
     """Measures env steps per second with random actions, including resets."""
     check_count("num_envs", num_envs, 1)
     check_number("seconds", seconds, ge=0.0, lt=math.inf)
-    arguments: dict[str, Any] = {"split": "evaluate", **parsed_settings(settings)}
+    arguments: dict[str, Any] = {"split": "evaluate", **parsed_settings(task_settings)}
     envs = make_vec(task, num_envs, device=device, **arguments)
     random = np.random.default_rng(0)
     shape = (_WARM_UP, *(envs.action_space.shape or ()))

@@ -16,8 +16,8 @@ from softgym_mj.cli.console import (
     Grasp,
     Jobs,
     Ray,
-    Settings,
     Task,
+    TaskSettings,
     Trust,
     Variations,
     chosen_variations,
@@ -63,7 +63,7 @@ def evaluate(
     budget: Annotated[int, typer.Option(help="Simulated env steps per decision.")] = BUDGET,
     iterations: Annotated[int, typer.Option(help="Iterations of a planner.")] = ITERATIONS,
     replan_every: Annotated[int, typer.Option(help="Env steps between two plans.")] = 1,
-    settings: Settings = "{}",
+    task_settings: TaskSettings = "{}",
     jobs: Jobs = 1,
     ray: Ray = None,
     device: Device = "cpu",
@@ -82,7 +82,7 @@ def evaluate(
         policy,
         tuple(chosen_variations(variations, split, episodes, ("evaluate", _EPISODES))),
         tuple(range(seeds)),
-        {**parsed_settings(settings), **given(actor=actor, grasp=grasp)},
+        {**parsed_settings(task_settings), **given(actor=actor, grasp=grasp)},
         planning if policy in PLANNERS else None,
     )
     try:

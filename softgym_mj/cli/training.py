@@ -11,6 +11,7 @@ from softgym_mj.cli.console import (
     PUBLISHED,
     Ray,
     Task,
+    TaskSettings,
     Trust,
     console,
     parsed_settings,
@@ -77,13 +78,7 @@ def train(
             "'{\"env_steps\": 200000}'."
         ),
     ] = "{}",
-    task_settings: Annotated[
-        str,
-        typer.Option(
-            help="Arguments of the task as JSON: "
-            '\'{"domain": "in_distribution", "action_repeat": 4}\'.'
-        ),
-    ] = "{}",
+    task_settings: TaskSettings = "{}",
     jobs: Annotated[
         int, typer.Option(help="Processes, one seed each; 1: all seeds in one process.", min=1)
     ] = 1,
@@ -112,7 +107,7 @@ def train(
     check_count("seeds", seeds, 1, 100)
     check_count("first_seed", first_seed, 0, 1000)
     chosen_seeds = range(first_seed, first_seed + seeds)
-    chosen: dict[str, Any] = parsed_settings(settings)
+    chosen: dict[str, Any] = parsed_settings(settings, "settings")
     if observation is not None:
         names = observation.split(",")
         chosen["observation"] = names if len(names) > 1 else observation

@@ -14,8 +14,8 @@ EVALUATE = ["evaluate", ROPE, "--policy", "zero", "--episodes", "1"]
 REFUSED = {
     "range": ["evaluate", ROPE, "--policy", "zero", "--variations", "0-99999999999"],
     "index": ["evaluate", ROPE, "--policy", "zero", "--variations", "3,1000"],
-    "deep": [*EVALUATE, "--settings", "[" * 100_000],
-    "horizon": ["evaluate", ROPE, "--policy", "cem", "--settings", '{"horizon": "a"}'],
+    "deep": [*EVALUATE, "--task-settings", "[" * 100_000],
+    "horizon": ["evaluate", ROPE, "--policy", "cem", "--task-settings", '{"horizon": "a"}'],
     "seed of rollout": ["rollout", ROPE, "--policy", "random", "--seed", "-1"],
     "seed of record": ["record", ROPE, "--policy", "random", "--seed", "-1"],
     "NaN": ["bench", ROPE, "--seconds", "nan"],
@@ -35,8 +35,9 @@ REFUSED = {
 }
 WORDS = {
     "range": ["variations='0-99999999999'", "0..999"], "index": ["variations='3,1000'", "0..999"],
-    "deep": ["settings=", "JSON"], "horizon": ["horizon='a'"], "seed of rollout": ["--seed", "0"],
-    "seed of record": ["--seed", "0"], "NaN": ["seconds=nan"], "infinity": ["seconds=inf"],
+    "deep": ["task_settings=", "JSON"], "horizon": ["horizon='a'"],
+    "seed of rollout": ["--seed", "0"], "seed of record": ["--seed", "0"],
+    "NaN": ["seconds=nan"], "infinity": ["seconds=inf"],
     "ending": ["out='x.zzz'", ".png"], "ending of a film": ["out='x.png'", ".mp4"],
     "teacher": ["teacher='none.pt2'"], "trust": ["--trust"], "no teacher": ["--teacher"],
     "observations": ["observation=", "sac takes one"],

@@ -10,12 +10,13 @@ SHORT = '{"horizon": 3}'
 PLANNER = "--policy icem --horizon 2 --budget 40 --iterations 2"
 COMMANDS = {
     "generate": ["generate", "straighten_rope", "--start", "3", "--num", "1"],
-    "evaluate": ["evaluate", "straighten_rope", "--episodes", "3", "--settings", SHORT, "--out"],
-    "planner": ["evaluate", "straighten_rope", "--episodes", "1", "--settings", SHORT,
+    "evaluate": ["evaluate", "straighten_rope", "--episodes", "3", "--task-settings", SHORT,
+                 "--out"],
+    "planner": ["evaluate", "straighten_rope", "--episodes", "1", "--task-settings", SHORT,
                 *PLANNER.split(), "--out"],
     "rollout": ["rollout", "straighten_rope", "--policy", "zero", "--episodes", "1",
                 "--look", "fast", "--video"],
-    "record": ["record", "straighten_rope", "--episodes", "2", "--settings", SHORT],
+    "record": ["record", "straighten_rope", "--episodes", "2", "--task-settings", SHORT],
 }  # fmt: skip
 
 

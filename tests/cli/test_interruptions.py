@@ -16,7 +16,7 @@ from tests.recording.test_kept_episodes import assert_same
 from tests.viewing.chromium import wait_until
 
 ROOT = pathlib.Path(__file__).parents[2]
-PLANNER = '--policy icem --horizon 2 --budget 40 --iterations 2 --settings {"horizon":8}'
+PLANNER = '--policy icem --horizon 2 --budget 40 --iterations 2 --task-settings {"horizon":8}'
 COMMANDS = {
     "generate": "generate straighten_rope --num 400",
     "generate by two": "generate straighten_rope --num 400 --jobs 2",

@@ -19,7 +19,7 @@ def _own_datasets(tmp_path, monkeypatch):
 
 
 def test_the_command_line_records():
-    command = "record straighten_rope --policy random --episodes 2 --seed 3 --settings"
+    command = "record straighten_rope --policy random --episodes 2 --seed 3 --task-settings"
     output = CliRunner().invoke(commands.app, [*command.split(), '{"horizon": 5}'])
     assert output.exit_code == 0, output.output
     dataset = minari.load_dataset("softgym_mj/straighten_rope/random-v0")
@@ -38,7 +38,8 @@ def run(command, monkeypatch):
 
 def test_the_command_line_chooses(capsys, monkeypatch):
     command = "record straighten_rope --variations 892-894 --dataset rope-v0"
-    command += """ --successful-only --author me --settings '{"num_pickers": 2, "horizon": 20}'"""
+    command += " --successful-only --author me --task-settings"
+    command += """ '{"num_pickers": 2, "horizon": 20}'"""
     assert run(command, monkeypatch) == 0
     dataset = minari.load_dataset("rope-v0")
     assert 0 < len(dataset) < 3
@@ -51,7 +52,7 @@ def test_the_command_line_chooses(capsys, monkeypatch):
 
 
 def test_the_command_line_disturbs(capsys, monkeypatch):
-    command = "record straighten_rope --episodes 2 --noise 0.3 --jobs 2 --settings"
+    command = "record straighten_rope --episodes 2 --noise 0.3 --jobs 2 --task-settings"
     assert run(f"""{command} '{{"horizon": 4}}'""", monkeypatch) == 0
     dataset = minari.load_dataset("softgym_mj/straighten_rope/scripted-noise0-3-v0")
     for episode in dataset:
@@ -62,7 +63,7 @@ def test_the_command_line_disturbs(capsys, monkeypatch):
 
 
 def test_all_tasks_by_one_command(capsys, monkeypatch):
-    command = "record all --episodes 2 --policy zero --settings"
+    command = "record all --episodes 2 --policy zero --task-settings"
     settings = """ '{"horizon": 2}'"""
     played, record = [], recording.record
 
@@ -114,8 +115,8 @@ def test_formats_by_the_command_line(capsys, monkeypatch):
         ("record straighten_rope --variation 3 --episodes 1", r"variations='3' .*without --split"),
         ("rollout straighten_rope --variation 3 --split all", r"variations='3' .*without --split"),
         ("record straighten_rope --split every", "split='every'"),
-        ("record straighten_rope --settings [1]", "settings='.1.' .*a JSON object"),
-        ("""record straighten_rope --settings '{"seed": 1}'""", "settings=.*not 'seed'"),
+        ("record straighten_rope --task-settings [1]", "task_settings='.1.' .*a JSON object"),
+        ("""record straighten_rope --task-settings '{"seed": 1}'""", "task_settings=.*not 'seed'"),
         ("rollout straighten_rope --split train --episodes 801", r"episodes=801 .*1\.\.800"),
         ("evaluate straighten_rope --episodes 201", r"201 .*1\.\.200"),
         ("generate straighten_rope --start 999 --num 2", r"variation=1000 .*0\.\.999"),

@@ -256,7 +256,7 @@ def test_what_looks_at_a_simulation_is_refused_on_devices(tmp_path):
 def test_the_command_line_evaluates(tmp_path, monkeypatch):
     arguments = ["evaluate", "straighten_rope", "--policy", "cem", "--horizon", "3", "--budget"]
     arguments += ["60", "--iterations", "2", "--replan-every", "3", "--episodes", "1"]
-    arguments += ["--settings", '{"horizon": 6}', "--out", str(tmp_path / "run")]
+    arguments += ["--task-settings", '{"horizon": 6}', "--out", str(tmp_path / "run")]
     output = CliRunner().invoke(commands.app, arguments)
     assert output.exit_code == 0, output.output
     result = json.loads((tmp_path / "run" / "result.json").read_text())
@@ -268,13 +268,13 @@ def test_the_command_line_evaluates(tmp_path, monkeypatch):
     monkeypatch.setattr(evaluation, "evaluate", interrupt)
     stopped = CliRunner().invoke(commands.app, arguments)
     assert stopped.exit_code == 130 and "the same command continues" in stopped.output
-    failed = CliRunner().invoke(commands.app, ["evaluate", "straighten_rope", "--settings", "[1]"])
+    failed = CliRunner().invoke(commands.app, [*arguments[:2], "--task-settings", "[1]"])
     assert isinstance(failed.exception, InvalidArgumentError)
-    assert "settings='[1]'" in str(failed.exception)
+    assert "task_settings='[1]'" in str(failed.exception)
 
 
 def test_the_command_line_chooses_variations_and_actors(tmp_path):
-    base = ["evaluate", "straighten_rope", "--policy", "zero", "--settings", '{"horizon": 1}']
+    base = ["evaluate", "straighten_rope", "--policy", "zero", "--task-settings", '{"horizon": 1}']
     chosen = {
         ("--variations", "3,810-811"): [3, 810, 811],
         ("--split", "train", "--episodes", "2"): [0, 1],

@@ -137,8 +137,8 @@ def test_trust_is_asked_for_everywhere(env, tmp_path, monkeypatch):
     "command",
     [
         "rollout straighten_rope --episodes 1",
-        'evaluate straighten_rope --episodes 1 --settings {"horizon":2}',
-        'record straighten_rope --episodes 1 --settings {"horizon":2}',
+        'evaluate straighten_rope --episodes 1 --task-settings {"horizon":2}',
+        'record straighten_rope --episodes 1 --task-settings {"horizon":2}',
     ],
     ids=lambda command: command.split()[0],
 )

@@ -135,8 +135,9 @@ def test_a_killed_command_goes_on(played, monkeypatch):
     pathlib.Path("own_fuse.py").write_text(POLICY)
     pathlib.Path("fuse").touch()
     settings = {"image_size": (16, 16), **SHORT}
-    arguments = ["record", TASK, "--policy", "own_fuse:make", "--settings", json.dumps(settings)]
-    arguments += ["--episodes", "4", "--dataset", "rope/parts-v0", "--observation", "reduced,rgb"]
+    arguments = ["record", TASK, "--policy", "own_fuse:make", "--episodes", "4"]
+    arguments += ["--task-settings", json.dumps(settings), "--dataset", "rope/parts-v0"]
+    arguments += ["--observation", "reduced,rgb"]
     command = [sys.executable, "-m", "softgym_mj.cli.commands", *arguments]
     killed = subprocess.run(command, capture_output=True, check=False)
     assert killed.returncode == -signal.SIGKILL, killed.stderr
