@@ -15,7 +15,7 @@ from softgym_mj.storage.files import write_whole
 AXES = ("horizon", "budget", "replan_every")
 _LOWEST = -0.5  # Lower end of the axis; worse policies would compress the others.
 _PICTURE, _TITLE = 2.4, 0.3  # Heights of a picture of `show` and of its title [inches].
-_BAR, _INCHES, _DPI = 0.8, 1.9, 150  # Width of a group of bars; inches of a task; dots per inch.
+_BAR, _INCHES, _DPI = 0.8, 0.8, 150  # Height of a group of bars; inches of a task; dots per inch.
 
 
 def show(
@@ -60,24 +60,25 @@ def bars(results: Sequence[Mapping], file: pathlib.Path) -> None:
     names = labels(results)
     groups = list(dict.fromkeys(names))
     tasks = list(dict.fromkeys(result["task"] for result in results))
-    figure = new_figure(max(4.0, _INCHES * len(tasks)), 3.6)
+    figure = new_figure(6.4, 1.0 + _INCHES * len(tasks))
     axes = figure.subplots()
-    width = _BAR / len(groups)
+    height = _BAR / len(groups)
     for i, group in enumerate(groups):
         own = {r["task"]: r for r, name in zip(results, names, strict=True) if name == group}
-        places = [tasks.index(task) + (i - (len(groups) - 1) / 2) * width for task in own]
+        places = [tasks.index(task) + (i - (len(groups) - 1) / 2) * height for task in own]
         numbers = np.array([_quartiles(result) for result in own.values()])
         whiskers = np.abs(numbers[:, 1:].T - numbers[:, 0])
-        axes.bar(places, numbers[:, 0], width, yerr=whiskers, label=group, capsize=2)
+        axes.barh(places, numbers[:, 0], height, xerr=whiskers, label=group, capsize=2)
         for place, median in zip(places, numbers[:, 0], strict=True):
             if median < _LOWEST:  # The bar leaves the axes, so its value is written at its end.
-                axes.text(place, _LOWEST, f"{median:.1f}", ha="center", va="bottom", rotation=90)
-    axes.set_ylim(bottom=max(axes.get_ylim()[0], _LOWEST))
-    axes.set_xticks(range(len(tasks)), [task.replace("_", "\n") for task in tasks])
-    axes.axhline(1.0, color="0.6", linewidth=0.8, linestyle=":")
-    axes.axhline(0.0, color="0.3", linewidth=0.8)
-    axes.set_ylabel(_score(results), fontsize="small")
-    axes.legend(fontsize="small", ncols=min(len(groups), 4), loc="lower center",
+                axes.text(_LOWEST, place, f"{median:.1f}", va="center")
+    axes.set_xlim(left=max(axes.get_xlim()[0], _LOWEST))
+    axes.set_yticks(range(len(tasks)), tasks)
+    axes.invert_yaxis()
+    axes.axvline(1.0, color="0.6", linewidth=0.8, linestyle=":")
+    axes.axvline(0.0, color="0.3", linewidth=0.8)
+    axes.set_xlabel(_score(results), fontsize="small")
+    axes.legend(fontsize="small", ncols=min(len(groups), 5), loc="lower center",
                 bbox_to_anchor=(0.5, 1.0), frameon=False)  # fmt: skip
     _save(figure, file)
 
