@@ -21,7 +21,7 @@ from tools.pages import table
 
 RESULTS = pathlib.Path(__file__).parent.parent / "docs" / "results"
 FIGURE = RESULTS / "curves.png"
-_COLUMNS, _WIDTH, _HEIGHT, _DPI = 3, 3.6, 3.6, 150  # Of the figure; of a panel [inches].
+_COLUMNS, _WIDTH, _HEIGHT, _DPI = 2, 4.2, 3.9, 150  # Of the figure; of a panel [inches].
 # Results of start states that have been replaced since: (task, method, preset, observation).
 STALE = {
     ("straighten_rope", "sac", "fast", "reduced"),
@@ -53,24 +53,21 @@ def results() -> str:
     lines = []
     for line in (line for line in numbers_of(rows(), references()) if line["preset"] != "small"):
         score = _ranged(line, "median", "percentile_25", "percentile_75") + _mark(line)
-        numbers = [
-            _ranged(line, "iqm", "iqm_low", "iqm_high"),
-            f"{line['min']:.2f}",
-            _optional(line["gap"], ".2f"),
-            str(line["seeds"]),
-            str(line["episodes"]),
-            f"{line['env_steps']:,}",
-            f"{line['updates']:,}",
-            _optional(line["minutes"], ".0f"),
-            _optional(line["published"], ".2f"),
-        ]
-        method, *how = (line[key] for key in ("method", "observation", "preset", "replay"))
-        success = f"{line['success_rate']:.2f}"
-        lines.append(_row(f"`{line['task']}`", method, score, success, *how, *numbers))
+        pairs = (
+            (line["method"], line["observation"].replace("+", " + ")),
+            (line["preset"], line["replay"]),
+            (score, _ranged(line, "iqm", "iqm_low", "iqm_high")),
+            (f"{line['success_rate']:.2f}", f"{line['min']:.2f}"),
+            (_optional(line["gap"], ".2f"), _optional(line["published"], ".2f")),
+            (f"{line['seeds']}", f"{line['episodes']}"),
+            (f"{line['env_steps']:,}", f"{line['updates']:,}"),
+        )
+        cells = (f"{above}<br>{below}" if below else above for above, below in pairs)
+        lines.append(_row(f"`{line['task']}`", *cells, _optional(line["minutes"], ".0f")))
     titles = (
-        "| task | method | median (quartiles) | success | observation | preset | replay "
-        "| IQM (95 %) | least | train - held out | seeds | episodes | env steps | updates "
-        "| minutes | others |"
+        "| task | method<br>observation | preset<br>replay | median (quartiles)<br>IQM (95 %) "
+        "| success<br>least | train - held out<br>others | seeds<br>episodes "
+        "| env steps<br>updates | minutes |"
     )
     found = table(titles, lines)
     if curves(rows()):
@@ -230,11 +227,11 @@ def _panel(
         if r.bound == "is" and (r.task, r.method, r.observation) in comparable:
             label = f"others, {r.method} {r.observation}: {r.value:g}"
             axes.axhline(r.value, color="0.4", linewidth=0.8, linestyle="--", label=label)
-    axes.set_title(task, fontsize="small")
+    axes.set_title(task, fontsize="medium")
     axes.set_ylim(min(max(axes.get_ylim()[0], _LOWEST), 0.0), 1.05)
     axes.set_xlabel("env steps [1000]", fontsize="small")
     axes.set_ylabel("normalized performance", fontsize="small")
-    axes.tick_params(labelsize="x-small")
+    axes.tick_params(labelsize="small")
     axes.spines[["top", "right"]].set_visible(False)
     below = {"loc": "upper left", "bbox_to_anchor": (0.0, -0.27)}  # [panels]
-    axes.legend(fontsize="x-small", frameon=False, borderaxespad=0.0, **below)
+    axes.legend(fontsize="small", frameon=False, borderaxespad=0.0, **below)
