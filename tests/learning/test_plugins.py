@@ -1,6 +1,10 @@
 """Methods of other modules: trained by name, published in the same format."""
 
 import dataclasses
+import json
+import pathlib
+import re
+import shlex
 
 import pytest
 import torch
@@ -14,6 +18,7 @@ from softgym_mj.learning.results import read_folder
 from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.training import Training
 
+PAGE = pathlib.Path(__file__).parents[2] / "docs" / "learning.md"
 NAME = "tests.learning.test_plugins:make"
 SHORT = {
     "env_steps": 4, "num_envs": 2, "part": 4, "episodes": 1, "final_episodes": 1,
@@ -91,6 +96,25 @@ def test_a_method_of_another_module_is_trained(tmp_path):
     rows = read_folder(tmp_path)
     assert {(row.method, row.preset, row.updates) for row in rows} == {(NAME, "still", 2)}
     assert (tmp_path / "policy_0.pt2").exists()
+
+
+def test_the_learner_of_the_page_is_trained_and_continued(tmp_path, monkeypatch):
+    section = PAGE.read_text().split("## A method of yours")[1]
+    (code,) = re.findall(r"```python\n(.*?)```", section, re.DOTALL)
+    (tmp_path / "search.py").write_text(code)
+    (command,) = re.findall(r"^softgym-mj (train search:make .*)", section, re.MULTILINE)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    rows = {}
+    for folder, lengths in {"once": (8,), "twice": (4, 8)}.items():
+        for env_steps in lengths:
+            settings = json.dumps({**SHORT, "env_steps": env_steps})
+            replaced = ["--out", folder, "--seeds", "2", "--settings", settings]
+            done = CliRunner().invoke(commands.app, [*shlex.split(command), *replaced])
+            assert done.exit_code == 0, done.output
+        rows[folder] = [row.normalized_performance for row in read_folder(tmp_path / folder)][-4:]
+        assert (tmp_path / folder / "policy_1.pt2").exists()
+    assert rows["once"] == rows["twice"]
 
 
 def test_presets_and_settings_of_another_module():
