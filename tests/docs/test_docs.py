@@ -109,7 +109,7 @@ def test_links_lead_to_files():
 
 
 def shown_commands():
-    lines = "".join(blocks("sh", QUICKSTART)).splitlines()
+    lines = "".join(blocks("sh", QUICKSTART)).replace("\\\n", "").splitlines()
     return [line.split("#")[0].strip() for line in lines if line.startswith("softgym-mj")]
 
 

@@ -181,7 +181,7 @@ def test_sb3_evaluation(run, tmp_path, monkeypatch):
     (command,) = re.findall(r"^softgym-mj (evaluate .*rope_policy.*)$", PAGE, re.MULTILINE)
     result = CliRunner().invoke(commands.app, shlex.split(command))
     assert result.exit_code == 0, result.output
-    episodes = json.loads((tmp_path / "scores" / "result.json").read_text())["episodes"]
+    episodes = json.loads((tmp_path / "runs" / "sb3" / "result.json").read_text())["episodes"]
     assert [episode["variation"] for episode in episodes] == [800, 801]
     for episode in episodes:
         observation, _ = env.reset(options={"variation": episode["variation"]})
@@ -316,7 +316,7 @@ def test_lerobot(run, tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     result = CliRunner().invoke(commands.app, evaluation[1:])
     assert result.exit_code == 0, result.output
-    episodes = json.loads((tmp_path / "scores" / "result.json").read_text())["episodes"]
+    episodes = json.loads((tmp_path / "runs" / "act" / "result.json").read_text())["episodes"]
     assert [episode["variation"] for episode in episodes] == [800, 801]
     for episode in episodes:
         env = softgym_mj.load(
