@@ -121,7 +121,7 @@ def test_lerobot_trains_and_evaluates_as_softgym_mj_does(kind, home, tmp_path, m
     trained = "run/checkpoints/last/pretrained_model"
     _command(
         "lerobot_eval", f"--policy.path={trained} --policy.device=cpu {environment} "
-        "--eval.n_episodes=2 --eval.batch_size=1 --output_dir=scores",
+        "--eval.n_episodes=2 --eval.batch_size=2 --output_dir=scores",
     )  # fmt: skip
     result = json.loads((tmp_path / "scores" / "eval_info.json").read_text())["overall"]
     assert (result["n_episodes"], result["pc_success"]) == (2, 0.0)
@@ -140,7 +140,7 @@ def test_lerobot_trains_and_evaluates_as_softgym_mj_does(kind, home, tmp_path, m
     )
     assert once == again
     if kind == "act":  # Diffusion samples.
-        assert result["avg_sum_reward"] == pytest.approx(np.mean(once), rel=1e-6)
+        assert result["avg_sum_reward"] == pytest.approx(np.mean(once), rel=1e-5)
 
 
 def _command(script, *words):
