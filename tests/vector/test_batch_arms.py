@@ -12,10 +12,13 @@ import softgym_mj
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError, UnavailableError
 from softgym_mj.policies.experts import make_policy
+from softgym_mj.rendering.observables import LABELS
 from softgym_mj.vector.base import VectorEnv
 from softgym_mj.vector.batch.backend import BatchBackend
+from softgym_mj.vector.batch.cameras import IMAGES
 from tests.native.torch_device import TorchDevice
 from tests.vector.same import same
+from tests.vector.test_images import check_images
 
 pytest.importorskip("jax", reason="needs the extra gpu-arms")
 
@@ -101,6 +104,26 @@ def test_an_expert_acts_as_in_environments(case):
         np.testing.assert_allclose(infos["normalized_performance"], scores, atol=0.03)
     assert np.any(held)
     envs.close()
+
+
+@pytest.mark.parametrize(
+    "actor", ["franka", *(pytest.param(a, marks=pytest.mark.long) for a in ("sawyer", "ur5e"))]
+)
+def test_images_show_arms_as_in_environments(actor):
+    settings = {"observation": list(IMAGES), "image_size": (72, 64), "actor": actor}
+    envs, env = (
+        _make("fold_cloth", **settings),
+        SoftGymEnv("fold_cloth", **{**SETTINGS, **settings}),
+    )
+    (seen, _), (alone, _) = _reset(envs), env.reset(options={"variation": VARIATIONS[1]})
+    check_images({name: array[1] for name, array in seen.items()}, alone, color=5.0)
+    action = np.full(env.action_space.shape, 0.5, np.float32)
+    for _ in range(2):
+        seen, alone = envs.step(np.stack([action] * 3))[0], env.step(action)[0]
+    check_images({name: array[1] for name, array in seen.items()}, alone, color=5.0)
+    assert (alone["segmentation"] == LABELS.index("actor")).mean() > 0.1
+    envs.close()
+    env.close()
 
 
 def test_runs_have_the_same_bits():

@@ -13,6 +13,7 @@ from softgym_mj.batch.device import CpuDevice, function
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.rendering.batch import Pictures, describe, layout
+from softgym_mj.rendering.batch.rigid import SIDES, mesh_of
 from softgym_mj.rendering.look import LOOKS, PAPER
 from softgym_mj.rendering.observables import LABELS
 from softgym_mj.vector.batch.cameras import IMAGES
@@ -33,8 +34,8 @@ def overlap(first, second):
     return (first & second).sum() / (first | second).sum()
 
 
-def _check(seen, alone, is_water):
-    """Checks that images are close to those of an environment."""
+def check_images(seen, alone, is_water=False, color=3.0):
+    """Checks that images are close to those of an environment; `color`: mean difference."""
     masks = [labels == OBJECT for labels in (seen["segmentation"], alone["segmentation"])]
     assert overlap(*masks) >= (0.9 if is_water else 0.97)
     others = [
@@ -47,7 +48,7 @@ def _check(seen, alone, is_water):
         assert (away > 5e-3).mean() < (0.06 if is_water else 0.01), name  # Rims.
     for name in ("rgb", "external_rgb"):
         away = np.abs(seen[name].astype(int) - alone[name]).mean()
-        assert away < (8.0 if is_water else 3.0), name
+        assert away < (8.0 if is_water else color), name
 
 
 @pytest.mark.parametrize(
@@ -68,12 +69,12 @@ def test_images_look_like_those_of_an_environment(task, domain):
     options = {"variation": [803, 811]}
     (seen, _), (alone, _) = envs.reset(options=options), env.reset(options={"variation": 811})
     is_water = "water" in softgym_mj.TASKS[task].tags
-    _check({name: array[1] for name, array in seen.items()}, alone, is_water)
+    check_images({name: array[1] for name, array in seen.items()}, alone, is_water)
     action = np.full(env.action_space.shape, 0.5, np.float32)
     seen, *_ = envs.step(np.stack([action, action]))
     alone, *_ = env.step(action)
     assert all(seen[name].dtype == alone[name].dtype for name in alone)
-    _check({name: array[1] for name, array in seen.items()}, alone, is_water)
+    check_images({name: array[1] for name, array in seen.items()}, alone, is_water)
     envs.close()
     env.close()
 
@@ -176,11 +177,38 @@ def test_turns_change_no_bit_of_what_deforms(task):
             np.testing.assert_array_equal(a, b)
 
 
+def _volume(mesh):
+    """Volume [m^3] of a closed mesh, by the divergence theorem."""
+    a, b, c = mesh.places[mesh.faces].swapaxes(0, 1)
+    return (np.cross(a, b) * c).sum() / 6.0
+
+
+def test_shapes_as_meshes():
+    shapes = '<geom type="box" size="1 2 3"/><geom type="cylinder" size="1 2"/>'
+    shapes += '<geom type="sphere" size="1"/><geom type="capsule" size="1 2"/>'
+    model = mujoco.MjModel.from_xml_string(
+        f'<mujoco><worldbody>{shapes}<geom type="ellipsoid" size="1 1 1"/></worldbody></mujoco>'
+    )
+    box, cylinder, sphere, capsule = (mesh_of(model, i) for i in range(4))
+    polygon = SIDES / 2.0 * np.sin(2.0 * np.pi / SIDES)  # Area of a regular one in a unit circle.
+    assert _volume(box) == pytest.approx(48.0)
+    assert _volume(cylinder) == pytest.approx(4.0 * polygon)
+    assert _volume(sphere) == pytest.approx(4.0 / 3.0 * np.pi, rel=0.05)
+    assert _volume(capsule) == pytest.approx(_volume(sphere) + 4.0 * polygon)
+    for mesh in (box, cylinder, sphere, capsule):
+        a, b, c = mesh.places[mesh.faces].swapaxes(0, 1)
+        outward = np.cross(b - a, c - a)
+        outward /= np.linalg.norm(outward, axis=1, keepdims=True)
+        for corner in mesh.faces.T:
+            assert ((outward * mesh.normals[corner]).sum(1) > 0.9).all()
+    assert mesh_of(model, 4) is None
+
+
 def test_structs_are_those_of_the_program():
     sizes = np.zeros(7, np.int64)
     function("pictures", "layout")(sizes.ctypes.data_as(ctypes.c_void_p))
     kinds = (
-        layout.MATERIAL, layout.SOLID, layout.GLASS, layout.LIGHT, layout.EYE, layout.TEXTURE,
+        layout.MATERIAL, layout.SOLID, layout.RIGID, layout.LIGHT, layout.EYE, layout.TEXTURE,
         layout.SCENE,
     )  # fmt: skip
     assert sizes.tolist() == [np.dtype(kind).itemsize for kind in kinds]
@@ -207,9 +235,9 @@ def test_what_cannot_be_drawn_is_refused_by_name(monkeypatch):
     ):
         with pytest.raises(InvalidArgumentError, match=name):
             softgym_mj.make_vec("straighten_rope", 1, device="host", **settings).reset()
-    capsule = MODEL.replace('type="sphere" size="0.25"', 'type="capsule" size="0.2 0.1"')
-    with pytest.raises(InvalidArgumentError, match="mjGEOM_CAPSULE"):
-        describe(mujoco.MjModel.from_xml_string(capsule), ["above"], {}, {})
+    ellipsoid = MODEL.replace('type="sphere" size="0.25"', 'type="ellipsoid" size="0.2 0.1 0.1"')
+    with pytest.raises(InvalidArgumentError, match="mjGEOM_ELLIPSOID"):
+        describe(mujoco.MjModel.from_xml_string(ellipsoid), ["above"], {}, {})
 
 
 def test_images_are_tensors_where_states_are():

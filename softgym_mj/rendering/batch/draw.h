@@ -32,17 +32,9 @@ inline int NearestSolid(const Canvas& c, const Ray& ray, unsigned solids, Hit* n
   return found;
 }
 
-// Which glass a triangle belongs to.
-inline const Glass& GlassOf(const Scene& s, int triangle) {
-  const Glass* glasses = s.At<Glass>(s.glasses);
-  int g = 0;
-  while (g + 1 < s.num_glasses && triangle - s.num_triangles >= glasses[g + 1].first_triangle) ++g;
-  return glasses[g];
-}
-
 // What is behind each other in a sample.
 struct Seen {
-  int solid;     // Of what is not translucent: its number, kMesh or kSky,
+  int solid;     // Of what is not translucent: its number, kMesh, less for parts, or kSky,
   float behind;  // its distance.
   int panes;     // How many are in front of it.
   float water;   // Where the water begins; kFar: not in front of it.
@@ -53,7 +45,7 @@ struct Seen {
 };
 
 constexpr int kSky = -1, kMesh = -2;
-constexpr int kGlassShares = 8;  // Of a triangle of glass, of which there are large ones.
+constexpr int kGlassShares = 8, kPartShares = 2;  // Of triangles of rigid meshes, of which there are large ones.
 
 // What the first sample of a pixel has found out about water for the others, which are less than a voxel away.
 struct Ahead {
@@ -67,8 +59,12 @@ inline Seen SeenAt(const Canvas& c, const Ray& ray, int x, int y, unsigned solid
   Hit hit;
   Seen seen = {NearestSolid(c, ray, solids, &hit), 0, 0, kFar};
   seen.behind = hit.distance;
-  const Key mesh = s.num_triangles ? c.nearest[at] : kNone;
-  if (mesh != kNone && DistanceOf(mesh) < seen.behind) seen.solid = kMesh, seen.behind = DistanceOf(mesh);
+  const Key mesh = NumOpaque(s) ? c.nearest[at] : kNone;
+  if (mesh != kNone && DistanceOf(mesh) < seen.behind) {
+    const int triangle = TriangleOf(mesh);
+    seen.solid = triangle < s.num_triangles ? kMesh : kMesh - 1 - RigidOf(s, triangle);
+    seen.behind = DistanceOf(mesh);
+  }
   for (int pane = 1; s.num_glasses && pane <= kMostPanes; ++pane) {
     const Key key = c.nearest[static_cast<long long>(samples) * pane + at];
     if (key == kNone || DistanceOf(key) >= seen.behind) break;
@@ -92,7 +88,7 @@ inline Point ColorOf(const Canvas& c, const Ray& ray, int x, int y, const Seen& 
   const Scene& s = *c.scene;
   const int at = y * c.width + x, samples = c.width * c.height;
   Point color;
-  if (seen.solid == kMesh) {
+  if (seen.solid <= kMesh) {
     color = MeshColor(c, TriangleOf(c.nearest[at]), ray);
   } else if (seen.solid == kSky) {
     color = SkyColor(c, ray);
@@ -117,7 +113,7 @@ inline Point ColorOf(const Canvas& c, const Ray& ray, int x, int y, const Seen& 
     if (water < kFar && DistanceOf(key) < water) over_water();
     const int* corner = s.At<int>(s.triangles) + 3 * TriangleOf(key);
     const OnTriangle on = Meet(c, corner, ray);
-    const Material& glass = GlassOf(s, TriangleOf(key)).material;
+    const Material& glass = s.At<Rigid>(s.rigids)[RigidOf(s, TriangleOf(key))].material;
     over(glass, glass.opacity, true, on.place, NormalOn(c, corner, on));
   }
   if (water < kFar) over_water();
@@ -158,11 +154,16 @@ inline void SurfaceAt(const Canvas& c, const Eye& eye, int x, int y, unsigned ch
   const int solid = NearestSolid(c, ray, SolidsIn(c, eye, x, y), &hit);
   *label = static_cast<unsigned char>(solid < 0 ? kBackground : s.At<Solid>(s.solids)[solid].label);
   *distance = hit.distance;
-  const float object = s.kind == kWater  ? EnterWater(c, ray.from, ray.along, 0, hit.distance)
-                       : s.num_triangles ? c.nearest[at] == kNone ? kFar : DistanceOf(c.nearest[at])
-                                         : kFar;
-  const bool is_object = object < *distance;
-  if (is_object) *label = kObject, *distance = object;
+  const Key mesh = NumOpaque(s) ? c.nearest[at] : kNone;
+  bool is_object = false;
+  if (mesh != kNone && DistanceOf(mesh) < *distance) {
+    const int triangle = TriangleOf(mesh);
+    is_object = triangle < s.num_triangles;
+    const int shown = is_object ? kObject : s.At<Rigid>(s.rigids)[RigidOf(s, triangle)].label;
+    *label = static_cast<unsigned char>(shown), *distance = DistanceOf(mesh);
+  }
+  const float water = s.kind == kWater ? EnterWater(c, ray.from, ray.along, 0, *distance) : kFar;
+  if (water < *distance) is_object = true, *label = kObject, *distance = water;
   if (!s.num_glasses) return;
   const Key pane = c.nearest[c.width * c.height + at];
   if (pane == kNone || DistanceOf(pane) >= *distance) return;
@@ -199,12 +200,15 @@ inline void DrawEnvironment(const Batch& b, long long i, long long slot) {
     const Eye& eye = s.At<Eye>(s.eyes)[e];
     Project(c, eye);
     const int samples = c.width * c.height;
-    if (s.num_triangles) DrawTriangles(c, 0, s.num_triangles, 1, nullptr, c.nearest);
+    if (NumOpaque(s)) Clear(c, c.nearest);
+    DrawTriangles(c, 0, s.num_triangles, 1, nullptr, c.nearest);
+    DrawTriangles(c, s.num_triangles, NumOpaque(s), kPartShares, nullptr, c.nearest);
     const int panes = !s.num_glasses ? 0 : b.what == kColors ? kMostPanes : 1;
     for (int pane = 1; pane <= panes; ++pane) {
       Key* nearest = c.nearest + static_cast<long long>(samples) * pane;
       const Key* before = pane > 1 ? nearest - samples : nullptr;
-      DrawTriangles(c, s.num_triangles, s.num_triangles + s.glass_triangles, kGlassShares, before, nearest);
+      Clear(c, nearest);
+      DrawTriangles(c, NumOpaque(s), NumOpaque(s) + s.glass_triangles, kGlassShares, before, nearest);
     }
     const long long first = (i * b.num_eyes + e) * pixels;
     Each(static_cast<int>(pixels), [&](int i) {

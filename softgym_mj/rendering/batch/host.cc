@@ -23,7 +23,7 @@ SGM_EXPORT void softgym_mj_pictures_batch_step(const softgym_mj::pictures::Batch
 // Returns sizes of the structs that layout.py writes.
 SGM_EXPORT void softgym_mj_pictures_batch_layout(long long* sizes) {
   using namespace softgym_mj::pictures;
-  const size_t found[] = {sizeof(Material), sizeof(Solid),   sizeof(Glass), sizeof(Light),
+  const size_t found[] = {sizeof(Material), sizeof(Solid),   sizeof(Rigid), sizeof(Light),
                           sizeof(Eye),      sizeof(Texture), sizeof(Scene)};
   for (size_t i = 0; i < sizeof(found) / sizeof(found[0]); ++i) sizes[i] = static_cast<long long>(found[i]);
 }

@@ -9,9 +9,9 @@ SOLID = np.dtype(
     [("shape", "i4"), ("mover", "i4"), ("label", "i4"), ("size", "f4", 3), ("position", "f4", 3),
      ("rotation", "f4", (3, 3)), ("material", MATERIAL)]
 )  # fmt: skip
-GLASS = np.dtype(
-    [("mover", "i4"), ("first_vertex", "i4"), ("num_vertices", "i4"), ("first_triangle", "i4"),
-     ("num_triangles", "i4"), ("material", MATERIAL)]
+RIGID = np.dtype(
+    [("mover", "i4"), ("label", "i4"), ("first_vertex", "i4"), ("num_vertices", "i4"),
+     ("first_triangle", "i4"), ("num_triangles", "i4"), ("material", MATERIAL)]
 )  # fmt: skip
 LIGHT = np.dtype(
     [("direction", "f4", 3), ("diffuse", "f4", 3), ("ambient", "f4", 3), ("specular", "f4", 3),
@@ -22,16 +22,16 @@ TEXTURE = np.dtype(
     [("texels", "u8"), ("width", "i4"), ("height", "i4"), ("levels", "i4"), ("unused", "i4")]
 )
 ARRAYS = (
-    "glasses", "solids", "lights", "eyes", "textures", "sky", "weight_starts", "weight_points",
-    "weights", "around_starts", "around", "triangles", "texcoords", "glass_places",
-    "glass_normals", "circle", "quarter",
+    "rigids", "solids", "lights", "eyes", "textures", "sky", "weight_starts", "weight_points",
+    "weights", "around_starts", "around", "triangles", "texcoords", "rigid_places",
+    "rigid_normals", "circle", "quarter",
 )  # fmt: skip
 SCENE = np.dtype(
     [
         *((name, "i4") for name in (
-            "kind", "num_points", "num_vertices", "num_triangles", "num_glasses", "glass_vertices",
-            "glass_triangles", "num_solids", "num_lights", "num_eyes", "sides",
-            "rings_per_edge", "most_triangles",
+            "kind", "num_points", "num_vertices", "num_triangles", "num_parts", "part_vertices",
+            "part_triangles", "num_glasses", "glass_vertices", "glass_triangles", "num_solids",
+            "num_lights", "num_eyes", "sides", "rings_per_edge", "most_triangles",
         )),
         *((name, "f4") for name in ("inflate", "radius", "spacing", "voxel")),
         ("ambient", "f4", 3), ("headlight", "f4", 3), ("material", MATERIAL),

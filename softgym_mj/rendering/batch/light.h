@@ -40,27 +40,30 @@ struct ShadowGrid {
   }
 };
 
-// Renders the shadow maps of deformable meshes for all lights with shadows.
-inline void DrawShadows(const Canvas& c) {
+// Renders the shadow maps of some triangles for all lights with shadows, from map `shadow` on.
+inline void DrawShadows(const Canvas& c, int first_vertex, int num_vertices, int first_triangle, int num_triangles,
+                        int first_shadow) {
   const Scene& s = *c.scene;
   const Light* lights = s.At<Light>(s.lights);
-  const int* triangles = s.At<int>(s.triangles);
-  if (!s.num_triangles) return;
+  const int* triangles = s.At<int>(s.triangles) + 3 * first_triangle;
+  if (!num_triangles) return;
   for (int l = 0, shadow = 0; l < s.num_lights && shadow < kMostShadows; ++l) {
     if (!lights[l].has_shadow) continue;
-    float *bounds = c.bounds + 4 * shadow, *heights = c.shadows + kShadowTexels * shadow;
+    float* bounds = c.bounds + 4 * (first_shadow + shadow);
+    float* heights = c.shadows + kShadowTexels * (first_shadow + shadow);
     ++shadow;
     const Across across(lights[l]);
     Each(4, [&](int i) { bounds[i] = 0; });
     Each(kShadowTexels, [&](int i) { heights[i] = 0; });
-    Each(s.num_vertices, [&](int i) {
-      const float x = Dot(across.right, c.places[i]), y = Dot(across.up, c.places[i]);
+    Each(num_vertices, [&](int i) {
+      const Point& p = c.places[first_vertex + i];
+      const float x = Dot(across.right, p), y = Dot(across.up, p);
       if (!(fabsf(x) < kAside && fabsf(y) < kAside)) return;
       TakeLargest(&bounds[0], kAside + x), TakeLargest(&bounds[1], kAside - x);
       TakeLargest(&bounds[2], kAside + y), TakeLargest(&bounds[3], kAside - y);
     });
     const ShadowGrid grid(bounds);
-    Each(s.num_triangles, [&](int t) {
+    Each(num_triangles, [&](int t) {
       int corners[3][2];
       float values[3];
       for (int k = 0; k < 3; ++k) {
@@ -78,22 +81,16 @@ inline void DrawShadows(const Canvas& c) {
   }
 }
 
-// Share of a light that reaches a point; `shadow`: index of its shadow map.
-inline float Reaches(const Canvas& c, const Light& light, int shadow, const Point& place, const Point& normal) {
+inline void DrawShadows(const Canvas& c) {
   const Scene& s = *c.scene;
-  const Across across(light);
-  const Point off = place + kOffset * normal;
-  const Point scales = Inverse(across.to);
-  for (int i = 0; i < s.num_solids; ++i) {
-    if (ComesNear(c.frames[i], off, across.to) && HitSolid(c, i, off, across.to, scales).distance < kFar) return 0;
-  }
-  if (s.kind == kWater) {
-    const Point above = place + kVoxelsOff * c.voxel * normal;
-    return EnterWater(c, above, across.to, 0, kAside) < kAside ? 0.0f : 1.0f;
-  }
-  if (!s.num_triangles || shadow >= kMostShadows) return 1;
-  const ShadowGrid grid(c.bounds + 4 * shadow);
-  const float* heights = c.shadows + kShadowTexels * shadow;
+  DrawShadows(c, 0, s.num_vertices, 0, s.num_triangles, 0);
+  DrawShadows(c, s.num_vertices, s.part_vertices, s.num_triangles, s.part_triangles, kMostShadows);
+}
+
+// Share of a light that a shadow map lets through to a point.
+inline float Passes(const Canvas& c, const Across& across, int map, const Point& place, const Point& normal) {
+  const ShadowGrid grid(c.bounds + 4 * map);
+  const float* heights = c.shadows + kShadowTexels * map;
   const Point p = place + std::max(kOffset, kTexelsOff / grid.scale) * normal;
   const float x = grid.scale * (Dot(across.right, p) - grid.left) - 0.5f,
               y = grid.scale * (Dot(across.up, p) - grid.low) - 0.5f, height = kAside + Dot(across.to, p);
@@ -105,6 +102,25 @@ inline float Reaches(const Canvas& c, const Light& light, int shadow, const Poin
     const bool is_lit = heights[(j + k / 2) * kShadowSide + i + k % 2] <= height;
     share += (k % 2 ? u : 1 - u) * (k / 2 ? v : 1 - v) * (is_lit ? 1.0f : 0.0f);
   }
+  return share;
+}
+
+// Share of a light that reaches a point; `shadow`: index of its shadow map.
+inline float Reaches(const Canvas& c, const Light& light, int shadow, const Point& place, const Point& normal) {
+  const Scene& s = *c.scene;
+  const Across across(light);
+  const Point off = place + kOffset * normal;
+  const Point scales = Inverse(across.to);
+  for (int i = 0; i < s.num_solids; ++i) {
+    if (ComesNear(c.frames[i], off, across.to) && HitSolid(c, i, off, across.to, scales).distance < kFar) return 0;
+  }
+  if (s.kind == kWater) {
+    const Point above = place + kVoxelsOff * c.voxel * normal;
+    if (EnterWater(c, above, across.to, 0, kAside) < kAside) return 0;
+  }
+  if (shadow >= kMostShadows) return 1;
+  float share = s.num_triangles ? Passes(c, across, shadow, place, normal) : 1;
+  if (s.part_triangles && share > 0) share *= Passes(c, across, kMostShadows + shadow, place, normal);
   return share;
 }
 

@@ -1,4 +1,4 @@
-// Triangles of sheets, ropes and glass in their current state.
+// Triangles of sheets, ropes and rigid meshes in their current state.
 
 #ifndef SOFTGYM_MJ_RENDERING_BATCH_MESHES_H_
 #define SOFTGYM_MJ_RENDERING_BATCH_MESHES_H_
@@ -59,14 +59,14 @@ inline void PlaceRope(const Canvas& c) {
   });
 }
 
-inline void PlaceGlasses(const Canvas& c) {
+inline void PlaceRigids(const Canvas& c) {
   const Scene& s = *c.scene;
-  const float *places = s.At<float>(s.glass_places), *normals = s.At<float>(s.glass_normals);
-  for (int g = 0; g < s.num_glasses; ++g) {
-    const Glass& glass = s.At<Glass>(s.glasses)[g];
-    Each(glass.num_vertices, [&](int i) {
-      const int at = glass.first_vertex + i, to = s.num_vertices + at;
-      const Pose pose = PoseOf(c, glass.mover);
+  const float *places = s.At<float>(s.rigid_places), *normals = s.At<float>(s.rigid_normals);
+  for (int r = 0; r < s.num_parts + s.num_glasses; ++r) {
+    const Rigid& rigid = s.At<Rigid>(s.rigids)[r];
+    Each(rigid.num_vertices, [&](int i) {
+      const int at = rigid.first_vertex + i, to = s.num_vertices + at;
+      const Pose pose = PoseOf(c, rigid.mover);
       c.places[to] = pose.position + Turned(pose.rotation, At(places + 3 * at));
       c.normals[to] = Turned(pose.rotation, At(normals + 3 * at));
     });
@@ -96,14 +96,14 @@ inline void PlaceMeshes(const Canvas& c) {
   PlaceSolids(c);
   if (c.scene->kind == kSheet) PlaceSheet(c);
   if (c.scene->kind == kRope) PlaceRope(c);
-  PlaceGlasses(c);
+  PlaceRigids(c);
 }
 
 // Projects vertices to the image.
 inline void Project(const Canvas& c, const Eye& eye) {
   constexpr float kNearest = 0.01f, kFarthest = 1e7f;  // [m], [1/256 of a sample]
   const float up = 0.5f * static_cast<float>(c.height) / eye.slope;
-  Each(c.scene->num_vertices + c.scene->glass_vertices, [&](int i) {
+  Each(NumVertices(*c.scene), [&](int i) {
     const Point p = TurnedBack(eye.rotation, c.places[i] - At(eye.position));
     const float distance = -p.z;
     c.nearness[i] = distance > kNearest ? 1 / distance : 0;  // 0: neither the vertex nor its triangles are visible.
@@ -158,12 +158,15 @@ inline void EachSample(const int corners[3][2], const float values[3], int width
   }
 }
 
-// Finds the nearest triangle in each sample, behind `before` if that is not null. Large triangles are rendered in
+inline void Clear(const Canvas& c, Key* nearest) {
+  Each(c.width * c.height, [&](int i) { nearest[i] = kNone; });
+}
+
+// Puts the nearest triangle into each sample, behind `before` if that is not null. Large triangles are rendered in
 // `shares` parts.
 inline void DrawTriangles(const Canvas& c, int first, int end, int shares, const Key* before, Key* nearest) {
   const Scene& s = *c.scene;
   const int* triangles = s.At<int>(s.triangles);
-  Each(c.width * c.height, [&](int i) { nearest[i] = kNone; });
   Each((end - first) * shares, [&](int k) {
     const int t = first + k / shares, *corner = triangles + 3 * t;
     int corners[3][2];

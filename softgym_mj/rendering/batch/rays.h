@@ -42,13 +42,26 @@ inline Point NormalOn(const Canvas& c, const int* corner, const OnTriangle& on) 
   return Direction(sum);
 }
 
+// Index of the rigid mesh of a triangle.
+inline int RigidOf(const Scene& s, int triangle) {
+  const Rigid* rigids = s.At<Rigid>(s.rigids);
+  int low = 0, high = s.num_parts + s.num_glasses - 1;
+  while (low < high) {
+    const int middle = (low + high + 1) / 2;
+    triangle - s.num_triangles >= rigids[middle].first_triangle ? low = middle : high = middle - 1;
+  }
+  return low;
+}
+
 inline Point MeshColor(const Canvas& c, int triangle, const Ray& ray) {
   const Scene& s = *c.scene;
+  const bool is_part = triangle >= s.num_triangles;
+  const Material& material = is_part ? s.At<Rigid>(s.rigids)[RigidOf(s, triangle)].material : s.material;
   const int* corner = s.At<int>(s.triangles) + 3 * triangle;
   const OnTriangle on = Meet(c, corner, ray);
   Point texel = {1, 1, 1};
-  if (s.material.texture >= 0) {
-    const Texture& texture = s.At<Texture>(s.textures)[s.material.texture];
+  if (!is_part && material.texture >= 0) {
+    const Texture& texture = s.At<Texture>(s.textures)[material.texture];
     const float* texcoords = s.At<float>(s.texcoords);
     float u[3], v[3], at[2] = {0, 0};
     for (int k = 0; k < 3; ++k) {
@@ -64,7 +77,7 @@ inline Point MeshColor(const Canvas& c, int triangle, const Ray& ray) {
                           65536;
     texel = Sampled(texture, at[0], at[1], sqrtf(texels / std::max(samples, 1e-3f)) * static_cast<float>(c.samples));
   }
-  return Lit(c, s.material, texel, on.place, NormalOn(c, corner, on), ray.back);
+  return Lit(c, material, texel, on.place, NormalOn(c, corner, on), ray.back);
 }
 
 inline Point SolidColor(const Canvas& c, const Solid& solid, const Hit& hit, const Ray& ray) {

@@ -42,8 +42,9 @@ struct Solid {
   Material material;
 };
 
-struct Glass {
-  int mover, first_vertex, num_vertices, first_triangle, num_triangles;
+// Triangle mesh on a mover: opaque (a part) or glass.
+struct Rigid {
+  int mover, label, first_vertex, num_vertices, first_triangle, num_triangles;
   Material material;
 };
 
@@ -63,6 +64,7 @@ struct Texture {
 
 struct Scene {
   int kind, num_points, num_vertices, num_triangles;  // The deformable object.
+  int num_parts, part_vertices, part_triangles;       // Opaque rigid meshes, then those of glass.
   int num_glasses, glass_vertices, glass_triangles;
   int num_solids, num_lights, num_eyes;
   int sides, rings_per_edge;  // Rope only.
@@ -70,9 +72,9 @@ struct Scene {
   float inflate, radius, spacing, voxel;
   float ambient[3], headlight[3];
   Material material;  // The deformable object.
-  int glasses, solids, lights, eyes, textures, sky;
-  // Of vertices: weights of points, triangles around it; of triangles: vertices; those of glasses follow.
-  int weight_starts, weight_points, weights, around_starts, around, triangles, texcoords, glass_places, glass_normals;
+  int rigids, solids, lights, eyes, textures, sky;
+  // Of vertices: weights of points, triangles around it; of triangles: vertices; those of rigid meshes follow.
+  int weight_starts, weight_points, weights, around_starts, around, triangles, texcoords, rigid_places, rigid_normals;
   int circle, quarter;  // Cosines and sines of a rope's sides and caps.
 
   template <class T>
@@ -108,16 +110,17 @@ struct Canvas {
   const Scene* scene;
   const double *points, *poses;
   int width, height, samples;  // Size of an image in samples, and samples along a side of a pixel.
-  // Vertices of the deformable object, then of glass: positions, normals, image points [1/256 of a sample] and
+  // Vertices of the deformable object, then of rigid meshes: positions, normals, image points [1/256 of a sample] and
   // 1 / distance.
   Point *places, *normals;
   int* image;
   float* nearness;
   Pose* frames;  // Poses of solids.
-  // Nearest triangles in each sample, distance and index: of the deformable object, then layers of glass.
+  // Nearest triangles in each sample, distance and index: opaque ones, then layers of glass.
   Key* nearest;
-  float* shadows;  // (kMostShadows, kShadowTexels) Shadow maps.
-  float* bounds;   // (kMostShadows, 4) Bounds of shadow casters perpendicular to the light.
+  // Shadow maps (kMostShadows, kShadowTexels) of the deformable object, then of parts, if there are any, and bounds
+  // (kMostShadows, 4) of what casts them, perpendicular to the light.
+  float *shadows, *bounds;
   Ring* rings;
   Vector *surface, *out;
   // Water: particles by buckets; positions in voxels, cells and kernels in this order.
@@ -168,13 +171,17 @@ inline Pose PoseOf(const Canvas& c, int mover) {
       true};
 }
 
+inline int NumOpaque(const Scene& s) { return s.num_triangles + s.part_triangles; }
+inline int NumVertices(const Scene& s) { return s.num_vertices + s.part_vertices + s.glass_vertices; }
+
 inline int CapRings(const Scene& s) { return s.sides / 4 > 2 ? s.sides / 4 : 2; }
 inline int TubeRings(const Scene& s) { return (s.num_points - 1) * s.rings_per_edge + 1 + 2 * CapRings(s); }
 
 // Allocates a canvas for images of (height, width) pixels.
 inline void TakeCanvas(const Scene& s, long long height, long long width, long long samples, Memory* memory,
                        Canvas* c) {
-  const long long vertices = s.num_vertices + s.glass_vertices, pixels = height * width * samples * samples;
+  const long long vertices = NumVertices(s), maps = kMostShadows * (s.num_parts ? 2 : 1),
+                  pixels = height * width * samples * samples;
   c->width = static_cast<int>(width * samples), c->height = static_cast<int>(height * samples);
   c->samples = static_cast<int>(samples);
   memory->Take(&c->places, vertices);
@@ -183,8 +190,8 @@ inline void TakeCanvas(const Scene& s, long long height, long long width, long l
   memory->Take(&c->nearness, vertices);
   memory->Take(&c->frames, s.num_solids);
   memory->Take(&c->nearest, pixels * (1 + (s.num_glasses ? kMostPanes : 0)));
-  memory->Take(&c->shadows, kMostShadows * kShadowTexels);
-  memory->Take(&c->bounds, kMostShadows * 4);
+  memory->Take(&c->shadows, maps * kShadowTexels);
+  memory->Take(&c->bounds, maps * 4);
   memory->Take(&c->partial, kMostThreads);
   if (s.kind == kRope) {
     memory->Take(&c->rings, TubeRings(s));

@@ -10,7 +10,8 @@ from softgym_mj.exceptions import InvalidArgumentError, cpu_only
 from softgym_mj.rendering.batch.deformables import add_deformable
 from softgym_mj.rendering.batch.layout import ARRAYS, EYE, LIGHT, SCENE, TEXTURE
 from softgym_mj.rendering.batch.materials import depth_of, levels_of, sky_of
-from softgym_mj.rendering.batch.solids import add_glasses, marks_of, solids_of
+from softgym_mj.rendering.batch.rigid import add_rigids
+from softgym_mj.rendering.batch.solids import marks_of, solids_of
 from softgym_mj.rendering.look import FAST, look_of
 from softgym_mj.rendering.offscreen import camera_ids
 
@@ -56,13 +57,13 @@ def describe(
     mujoco.mj_camlight(model, data)
     scene, arrays = np.zeros((), SCENE), {}
     textures: list[np.ndarray] = []
-    arrays["solids"], glasses = solids_of(model, data, movers, parts, textures)
+    arrays["solids"], opaque, glasses = solids_of(model, data, movers, parts, textures)
     if marks:
         glasses += marks_of(model, data)
-    glass_faces = add_glasses(scene, arrays, glasses)
+    rigid_faces = add_rigids(scene, arrays, opaque, glasses)
     add_deformable(scene, arrays, model, textures)
     arrays["triangles"] = np.concatenate(
-        [arrays["triangles"], glass_faces + int(scene["num_vertices"])]
+        [arrays["triangles"], rigid_faces + int(scene["num_vertices"])]
     ).astype("i4")
     arrays["lights"] = _lights(model, data)
     arrays["eyes"] = _eyes(model, data, cameras)

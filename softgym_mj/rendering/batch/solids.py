@@ -1,22 +1,22 @@
-"""Rigid objects and glass of a scene."""
+"""Rigid objects of a scene: solids for rays, and meshes."""
 
-import itertools
 from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
 
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.rendering.batch.layout import GLASS, SOLID
+from softgym_mj.rendering.batch.layout import SOLID
 from softgym_mj.rendering.batch.materials import material_of
-from softgym_mj.rendering.batch.ragged import part_of
-from softgym_mj.rendering.observables import geom_labels
+from softgym_mj.rendering.batch.rigid import Rigid, box, flat, mesh_of
+from softgym_mj.rendering.observables import LABELS, geom_labels
 from softgym_mj.rendering.offscreen import SHOWN_SITES
 
-_BOX, _SPHERE, _CYLINDER, _MESH = (
-    int(getattr(mujoco.mjtGeom, f"mjGEOM_{name}")) for name in ("BOX", "SPHERE", "CYLINDER", "MESH")
+_BOX, _SPHERE, _CYLINDER = (
+    int(getattr(mujoco.mjtGeom, f"mjGEOM_{name}")) for name in ("BOX", "SPHERE", "CYLINDER")
 )
 _SHAPES = (_BOX, _SPHERE, _CYLINDER)  # The same order as in scene.h.
+_DRAWN = "boxes, spheres, cylinders, capsules and meshes without textures"
 _MOST_SOLIDS = 32  # Number of bits in a visibility mask.
 _SHOWN = 3  # Groups of geoms below this number are rendered.
 
@@ -27,14 +27,22 @@ def solids_of(
     movers: Mapping[int, int],
     parts: Mapping[str, Sequence[str]],
     textures: list[np.ndarray],
-) -> tuple[np.ndarray, list]:
-    """Returns solids, and mover, vertices, normals, triangles and material of each glass geom.
+) -> tuple[np.ndarray, list[Rigid], list[Rigid]]:
+    """Returns solids for rays, opaque meshes and meshes of glass.
+
+    The actor's shapes are meshes if all shapes are too many for rays, as with arms.
 
     Raises:
         InvalidArgumentError: If there are other shapes or too many solids.
     """
-    labels, solids, glasses = geom_labels(model, parts), [], []
-    for geom in np.flatnonzero(model.geom_group < _SHOWN):
+    labels, shown = geom_labels(model, parts), np.flatnonzero(model.geom_group < _SHOWN)
+    is_solid = np.isin(model.geom_type, _SHAPES)
+    if is_solid[shown].sum() > _MOST_SOLIDS:
+        is_solid &= labels != LABELS.index("actor")
+    solids: list[tuple] = []
+    opaque: list[Rigid] = []
+    glasses: list[Rigid] = []
+    for geom in shown.tolist():
         body = int(model.geom_bodyid[geom])
         while body and body not in movers:
             body = int(model.body_parentid[body])
@@ -44,29 +52,25 @@ def solids_of(
             turn = data.xmat[body].reshape(3, 3)
             position, rotation = turn.T @ (position - data.xpos[body]), turn.T @ rotation
         material = material_of(model, model.geom_matid[geom], model.geom_rgba[geom], textures)
-        kind = int(model.geom_type[geom])
-        if kind == _MESH and material["opacity"] < 1.0:
-            places, normals, faces = _mesh(model, model.geom_dataid[geom])
-            glasses.append(
-                (mover, places @ rotation.T + position, normals @ rotation.T, faces, material)
-            )
-        elif kind in _SHAPES:
-            shape = _SHAPES.index(kind)
+        if is_solid[geom]:
+            shape = _SHAPES.index(int(model.geom_type[geom]))
             solids.append(
                 (shape, mover, labels[geom], model.geom_size[geom], position, rotation, material)
             )
-        else:
-            name = mujoco.mjtGeom(kind).name
-            raise InvalidArgumentError(
-                "geom", f"{model.geom(geom).name}, {name}", "boxes, spheres, cylinders and glass"
-            )
+            continue
+        mesh = mesh_of(model, geom)
+        if mesh is None or material["texture"] >= 0:
+            name = mujoco.mjtGeom(model.geom_type[geom]).name
+            raise InvalidArgumentError("geom", f"{model.geom(geom).name}, {name}", _DRAWN)
+        rigid = Rigid(mover, int(labels[geom]), mesh.moved(rotation, position), material)
+        (glasses if material["opacity"] < 1.0 else opaque).append(rigid)
     if len(solids) > _MOST_SOLIDS:
         raise InvalidArgumentError("geoms", len(solids), f"at most {_MOST_SOLIDS} to draw")
-    return np.array([_flat(solid) for solid in solids], SOLID), glasses
+    return np.array([flat(solid) for solid in solids], SOLID), opaque, glasses
 
 
-def marks_of(model: mujoco.MjModel, data: mujoco.MjData) -> list:
-    """Returns visible sites as panes, in the format of glass of `solids_of`.
+def marks_of(model: mujoco.MjModel, data: mujoco.MjData) -> list[Rigid]:
+    """Returns visible sites as panes of glass.
 
     Raises:
         InvalidArgumentError: If a site is not a box.
@@ -76,58 +80,8 @@ def marks_of(model: mujoco.MjModel, data: mujoco.MjData) -> list:
         kind = int(model.site_type[site])
         if kind != _BOX:
             raise InvalidArgumentError("site", mujoco.mjtGeom(kind).name, "boxes")
-        rotation = data.site_xmat[site].reshape(3, 3)
-        places = _BOX_CORNERS * model.site_size[site] @ rotation.T + data.site_xpos[site]
         material = material_of(model, model.site_matid[site], model.site_rgba[site], [])
-        found.append((-1, places, _BOX_NORMALS @ rotation.T, _BOX_FACES, material))
+        pane = box(model.site_size[site])
+        pane = pane.moved(data.site_xmat[site].reshape(3, 3), data.site_xpos[site])
+        found.append(Rigid(-1, 0, pane, material))
     return found
-
-
-def _box() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Returns corners and normals (24, 3) and triangles (12, 3) of a box with half sizes 1."""
-    corners, normals = [], []
-    for axis, sign in itertools.product(range(3), (-1.0, 1.0)):
-        normal, first = sign * np.eye(3)[axis], np.eye(3)[axis - 2]
-        second = np.cross(normal, first)  # Corners go round counterclockwise, seen from outside.
-        corners += [
-            normal + a * first + b * second for a, b in ((1, 1), (-1, 1), (-1, -1), (1, -1))
-        ]
-        normals += [normal] * 4
-    faces = [4 * side + np.array(face) for side in range(6) for face in ((0, 1, 2), (0, 2, 3))]
-    return np.array(corners), np.array(normals), np.array(faces)
-
-
-_BOX_CORNERS, _BOX_NORMALS, _BOX_FACES = _box()
-
-
-def _flat(values: tuple) -> tuple:
-    return tuple(v.item() if isinstance(v, np.ndarray) and not v.ndim else v for v in values)
-
-
-def _mesh(model: mujoco.MjModel, mesh: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Returns vertices and normals (n, 3) and triangles (m, 3) of a mesh."""
-    faces = part_of(model.mesh_face, model.mesh_faceadr, model.mesh_facenum, mesh)
-    of_normals = part_of(model.mesh_facenormal, model.mesh_faceadr, model.mesh_facenum, mesh)
-    places = part_of(model.mesh_vert, model.mesh_vertadr, model.mesh_vertnum, mesh)
-    normals = part_of(model.mesh_normal, model.mesh_normaladr, model.mesh_normalnum, mesh)
-    pairs, which = np.unique(
-        np.stack([faces.ravel(), of_normals.ravel()], axis=1), axis=0, return_inverse=True
-    )
-    return places[pairs[:, 0]], normals[pairs[:, 1]], which.reshape(-1, 3)
-
-
-def add_glasses(scene: np.ndarray, arrays: dict[str, np.ndarray], glasses: list) -> np.ndarray:
-    """Adds glass from `solids_of` to a scene; returns its triangles (n, 3)."""
-    rows, vertices, triangles = [], 0, 0
-    for mover, places, _, faces, material in glasses:
-        row = (mover, vertices, len(places), triangles, len(faces), material)
-        rows.append(_flat(row))
-        vertices, triangles = vertices + len(places), triangles + len(faces)
-    arrays["glasses"] = np.array(rows, GLASS)
-    empty = np.zeros((0, 3), "f4")
-    arrays["glass_places"] = np.concatenate([empty, *(g[1] for g in glasses)]).astype("f4")
-    arrays["glass_normals"] = np.concatenate([empty, *(g[2] for g in glasses)]).astype("f4")
-    scene["num_glasses"], scene["glass_vertices"] = len(glasses), vertices
-    scene["glass_triangles"] = triangles
-    faces = [g[3] + row[1] for g, row in zip(glasses, rows, strict=True)]
-    return np.concatenate([np.zeros((0, 3), "i4"), *faces])
