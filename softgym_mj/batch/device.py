@@ -64,7 +64,7 @@ class Device(Protocol):
             name: Distinguishes functions.
         """
 
-    def step(self, kind: str, batch: Any, num_slots: int, size: int) -> None:
+    def step(self, kind: str, batch: Any, num_slots: int, size: int, variant: str = "") -> None:
         """Steps all environments of a batch; a GPU only starts the step.
 
         Args:
@@ -72,6 +72,7 @@ class Device(Protocol):
             batch: The C++ struct `Batch` as bytes.
             num_slots: Number of environments stepped at a time.
             size: Points per environment, which set the threads of a block.
+            variant: End of the name of a GPU's kernel, where a kind has several.
         """
 
 
@@ -126,7 +127,9 @@ class CpuDevice(Device):
     def repeat(self, key: Hashable, function: Callable[[], Any], name: str = "") -> Any:
         return function()
 
-    def step(self, kind: str, batch: np.ndarray, num_slots: int, size: int) -> None:
+    def step(
+        self, kind: str, batch: np.ndarray, num_slots: int, size: int, variant: str = ""
+    ) -> None:
         function(kind, "step")(ctypes.c_void_p(batch.ctypes.data), num_slots, self._turns)
 
 

@@ -10,7 +10,7 @@ import logging
 import os
 import pathlib
 import time
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping
 from typing import Any
 
 import numpy as np
@@ -19,12 +19,14 @@ from softgym_mj.batch.device import Copy, Device
 from softgym_mj.exceptions import UnavailableError, check_name, install_extra
 from softgym_mj.native.caches import cache_folder
 
-# Folder and entry file of each kernel; all other code is in headers.
-KERNELS = {
-    "cloth": ("cloth", "cloth/batch/step.cu"),
-    "fluid": ("fluid", "fluid/batch/step.cu"),
-    "measures": ("batch", "batch/measures.cu"),
-    "pictures": ("rendering", "rendering/batch/draw.cu"),
+SOLIDS = "_solids"  # End of the name of the variant with solids.
+# Folder, entry file and macros of each kernel; all other code is in headers.
+KERNELS: dict[str, tuple[str, str, Mapping[str, str]]] = {
+    "cloth": ("cloth", "cloth/batch/step.cu", {"SGM_SOLIDS": "0"}),
+    f"cloth{SOLIDS}": ("cloth", "cloth/batch/step.cu", {}),
+    "fluid": ("fluid", "fluid/batch/step.cu", {}),
+    "measures": ("batch", "batch/measures.cu", {}),
+    "pictures": ("rendering", "rendering/batch/draw.cu", {}),
 }
 # Largest number of threads per block, and blocks per multiprocessor: the fastest on an H100.
 BLOCKS = {"cloth": (256, 4), "fluid": (512, 2), "measures": (256, 1), "pictures": (256, 4)}
@@ -68,8 +70,9 @@ def compiled(name: str, architecture: str) -> bytes:
         UnavailableError: If CUDA's Python packages are not installed.
     """
     check_name("name", name, KERNELS)
-    core, (room, file), (threads, blocks) = _core(), KERNELS[name], BLOCKS[name]
-    macros = [("SGM_THREADS", str(threads)), ("SGM_BLOCKS", str(blocks))]
+    core, (room, file, own) = _core(), KERNELS[name]
+    threads, blocks = BLOCKS[name.removesuffix(SOLIDS)]
+    macros = [("SGM_THREADS", str(threads)), ("SGM_BLOCKS", str(blocks)), *own.items()]
     settings = {**_OPTIONS, "define_macro": macros}
     key = hashlib.sha256(f"{_source(room, file)}{settings}".encode()).hexdigest()[:16]
     check_name("architecture", architecture, _architectures())
@@ -212,12 +215,13 @@ class CudaDevice(Device):
     def address(self, array: Any) -> int:
         return array.data_ptr()
 
-    def step(self, kind: str, batch: Any, num_slots: int, size: int) -> None:
+    def step(self, kind: str, batch: Any, num_slots: int, size: int, variant: str = "") -> None:
         threads = _threads(kind, size)
         quick = QUICK[kind] * (size + _WARP)
         quick = quick if quick <= MOST_QUICK else 0
         address = batch.data_ptr()
-        launch(kind, "Step", self.xp_device, num_slots, threads, address, quick, quick=quick)
+        name = kind + variant
+        launch(name, "Step", self.xp_device, num_slots, threads, address, quick, quick=quick)
 
     def repeat(self, key: Hashable, function: Callable[[], Any], name: str = "") -> Any:
         """Runs a function; from its second call with a key on, replays it as a CUDA graph."""

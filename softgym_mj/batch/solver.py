@@ -79,6 +79,7 @@ class BatchSolver:
     outputs: Mapping[str, Shape] = {}
     exact: tuple[str, ...]
     last: tuple[str, ...] = ()
+    _variant = ""  # Of the kernel, as in `Device.step`.
 
     def __init__(self, num_envs: int, sizes: Mapping[str, int], device: Device | None = None):
         """Allocates zeros, without models.
@@ -187,7 +188,7 @@ class BatchSolver:
         if self._batch is None:
             self._batch = self._written()
         self.queue.begin()
-        self.device.step(self.kind, self._batch, self._slots, self._most)
+        self.device.step(self.kind, self._batch, self._slots, self._most, self._variant)
 
     @property
     def _most(self) -> int:

@@ -13,6 +13,7 @@ import numpy as np
 
 from softgym_mj.batch import solver
 from softgym_mj.batch.device import Device
+from softgym_mj.batch.gpu import SOLIDS
 from softgym_mj.batch.solver import Array
 from softgym_mj.exceptions import InvalidArgumentError
 
@@ -176,6 +177,7 @@ class ClothBatchSolver(solver.BatchSolver):
             "faces": SIDES if solids else 0,
             "dofs": dofs,
         }
+        self._variant = SOLIDS if solids else ""
         super().__init__(num_envs, sizes, device)
 
     def get_state(self, i: int) -> dict[str, np.ndarray]:

@@ -29,7 +29,7 @@ class _Emulated(CpuDevice):
         super().__init__()
         self._library = ctypes.CDLL(str(file))
 
-    def step(self, kind, batch, num_envs, size):
+    def step(self, kind, batch, num_envs, size, variant=""):
         step = getattr(self._library, f"softgym_mj_{kind}_batch_step")
         step(ctypes.c_void_p(self.address(batch)), 1, THREADS)
 

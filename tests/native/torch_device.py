@@ -27,5 +27,5 @@ class TorchDevice(CpuDevice):
     def address(self, array):
         return array.data_ptr()
 
-    def step(self, kind, batch, num_envs, size):
-        super().step(kind, batch.numpy(), num_envs, size)
+    def step(self, kind, batch, num_envs, size, variant=""):
+        super().step(kind, batch.numpy(), num_envs, size, variant)

@@ -15,7 +15,8 @@ inline void StartBodies(const Environment& w) {
   const Solid* solids = m.At<Solid>(m.solids_at);
   Each(m.bodies, [&](int b) {
     Mover& body = w.bodies[b];
-    const int first = m.At<int>(m.first_solids_at)[b], own = first - m.grippers, n = own < 0 ? 0 : w.dofs;
+    const int first = m.At<int>(m.first_solids_at)[b], own = kSolids ? first - m.grippers : -1,
+              n = own < 0 ? 0 : w.dofs;
     double center[3] = {0, 0, 0};
     if (own >= 0) RotVecQuat(solids[first].center, w.poses + 7 * own + 3, center);
     for (int k = 0; k < 3; ++k) {
@@ -32,7 +33,7 @@ inline void StartBodies(const Environment& w) {
       const double of_gripper = k < 3 && own < 0 ? w.gripper_qvel[3 * b + k] : 0;
       body.rigid.move[k] = m.h * (own < 0 ? of_gripper : w.velocities[6 * own + k]);
       body.acceleration[k] = own < 0 ? 0 : w.accelerations[6 * own + k];
-      body.impulse[k] = body.moved[k] = 0;
+      body.rigid.impulse[k] = body.impulse[k] = body.moved[k] = 0;
       for (int l = 0; l < 6; ++l) {
         c[k][l] = 0;
         for (int i = 0; i < n; ++i) c[k][l] += body.jacobian[n * k + i] * body.response[6 * i + l];
@@ -40,10 +41,10 @@ inline void StartBodies(const Environment& w) {
     }
     body.inverse_mass = c[0][0];
     for (int k = 1; k < 3; ++k) body.inverse_mass = c[k][k] > body.inverse_mass ? c[k][k] : body.inverse_mass;
-    body.rigid.gives_way = body.inverse_mass > kYields;
+    body.rigid.gives_way = kSolids && body.inverse_mass > kYields;
     for (int k = 0; k < 36 && !body.rigid.gives_way; ++k) c[k / 6][k % 6] = 0;
   });
-  Each(m.solids > 0 ? 3 : 0, [&](int k) {
+  Each(Solids(m) > 0 ? 3 : 0, [&](int k) {
     double low = w.start[k], high = low;
     for (int v = 1; v < m.vertices; ++v) {
       const double x = w.start[3 * v + k];
@@ -60,13 +61,17 @@ inline void MoveBodies(const Environment& w) {
   const Model& m = *w.model;
   Each(m.bodies, [&](int b) {
     Mover& body = w.bodies[b];
+    if (!kSolids || b < m.grippers) {  // It has no acceleration and never turns: this has the bits of the general case.
+      for (int k = 0; k < 3; ++k) body.rigid.center[k] = static_cast<float>(body.center[k] + body.so_far.shift[k]);
+      return;
+    }
     MoveRigid(body.center, body.so_far, body.acceleration, m.h, &body.rigid);
   });
 }
 
 // Propagates the impulses of a sweep to the other bodies of each tree, as `Bodies::Share`.
 inline void ShareImpulses(const Environment& w) {
-  if (!w.step->touches_bodies) return;
+  if (!TouchesBodies(w)) return;
   const int n = w.dofs;
   Once([&] {
     for (int b = 0; b < w.model->bodies; ++b) {
@@ -96,6 +101,10 @@ inline void ShareImpulses(const Environment& w) {
 inline void FinishBodies(const Environment& w) {
   Each(w.model->bodies, [&](int b) {
     Mover& body = w.bodies[b];
+    if (!kSolids || b < w.model->grippers) {
+      for (int k = 0; k < 3; ++k) body.so_far.shift[k] += body.rigid.move[k];
+      return;
+    }
     for (int k = 0; k < 6; ++k) body.moved[k] += body.impulse[k];
     FinishRigid(body.rigid, &body.so_far);
   });
@@ -104,8 +113,8 @@ inline void FinishBodies(const Environment& w) {
 // Writes impulses of the flex on bodies, to the first solid of each.
 inline void WriteImpulses(const Environment& w) {
   const Model& m = *w.model;
-  Each(12 * m.solids, [&](int i) { w.solid_impulses[i] = 0; });
-  Each(m.solids > 0 ? m.bodies : 0, [&](int b) {
+  Each(12 * Solids(m), [&](int i) { w.solid_impulses[i] = 0; });
+  Each(Solids(m) > 0 ? m.bodies : 0, [&](int b) {
     const Mover& body = w.bodies[b];
     const int own = m.At<int>(m.first_solids_at)[b] - m.grippers;
     for (int k = 0; k < 6 && body.touched && own >= 0; ++k) {

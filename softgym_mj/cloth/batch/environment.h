@@ -126,6 +126,10 @@ struct Environment {
   Touch* touch;
 };
 
+// Number of solids, and whether bodies that give way may be touched in this step.
+inline int Solids(const Model& m) { return kSolids ? m.solids : 0; }
+inline bool TouchesBodies(const Environment& w) { return kSolids && w.step->touches_bodies; }
+
 inline int Blocks(int rows, int colors) { return (rows + kBlock - 1) / kBlock + colors; }
 
 // Allocates memory for at most `most` rows of at most `colors` colors; `rows` is null if memory is only counted.

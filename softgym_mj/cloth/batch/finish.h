@@ -172,7 +172,7 @@ inline void FinishMotion(const Environment& w) {
   }
   if (!changed) return;
   // Entry faces of small solids are those at the end of the motion.
-  for (int round = 0; w.step->touches_bodies && round < kLifts; ++round) {
+  for (int round = 0; TouchesBodies(w) && round < kLifts; ++round) {
     Each(4 * m.padded, [&](int i) { w.points.before[i] = w.points.now[i]; });
     Each(n, [&](int v) {
       for (int k = 0; k < 3; ++k) w.points.now[4 * v + k] = static_cast<float>(w.motion[3 * v + k]);

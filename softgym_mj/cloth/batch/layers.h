@@ -66,18 +66,18 @@ struct LayerGroup {
 constexpr int kFarGroup = 2;
 
 inline LayerGroup GroupOf(const Environment& w, int g) {
-  int* pair_of = w.step->touches_bodies ? w.pair_of + g * w.model->rows : nullptr;
+  int* pair_of = TouchesBodies(w) ? w.pair_of + g * w.model->rows : nullptr;
   if (g == kFarGroup) return {&w.step->layers, w.layers, pair_of};
   return {&w.step->near_layers[g], w.near_layers[g], pair_of};
 }
-inline int FirstGroup(const Environment& w) { return w.step->touches_bodies ? 0 : kFarGroup; }
+inline int FirstGroup(const Environment& w) { return TouchesBodies(w) ? 0 : kFarGroup; }
 
 // Marks vertices near bodies that give way, and groups pairs, as `Layers::GroupRows`.
 inline void GroupPairs(const Environment& w) {
   const Model& m = *w.model;
   Each(m.padded, [&](int v) { w.near_vertex[v] = 0; });
   Each(w.step->num_pairs, [&](int i) { w.group[i] = kFarGroup; });
-  for (int t = m.grippers; t < m.grippers + m.solids; ++t) {
+  for (int t = m.grippers; t < m.grippers + Solids(m); ++t) {
     const Touch& touch = w.touch[t];
     for (const Rows* rows : {&touch.points, &touch.triangles}) {
       Each(touch.pushes ? 3 * rows->count : 0, [&](int i) { SetBits(&w.near_vertex[rows->vertex[i]], 1); });
@@ -150,7 +150,7 @@ inline void MakeGroup(const Environment& w, int g) {
 
 inline void MakeLayerRows(const Environment& w) {
   const Model& m = *w.model;
-  if (w.step->touches_bodies) GroupPairs(w);
+  if (TouchesBodies(w)) GroupPairs(w);
   // Kept pairs, linked by their first item.
   Each(m.vertices + m.edges, [&](int i) { w.head[i] = -1; });
   const int kept = kKeptPairs * m.vertices;
@@ -175,7 +175,7 @@ inline void KeepGroup(const Environment& w, int g) {
   const LayerGroup group = GroupOf(w, g);
   const Rows& rows = *group.rows;
   const int size = kKeptPairs * m.vertices;
-  const bool last_sweep = !w.step->repeats || g == kFarGroup;  // Its only sweep in the substep.
+  const bool last_sweep = !kSolids || !w.step->repeats || g == kFarGroup;  // Its only sweep in the substep.
   for (int color = rows.colors; color-- > 0;) {
     const int first = kBlock * rows.begin[color];
     Each(kBlock * rows.begin[color + 1] - first, [&](int place) {

@@ -23,7 +23,7 @@ inline void StartPlane(const Environment& w) {
     if (gap < 2 * m.timestep * std::sqrt(speed) + kPlaneMargin) SetBits(&w.plane_near[v / kBlock], 1);
   });
   // With bodies near, the floor is swept as often as the repeated rows that push vertices into it.
-  Each(w.step->touches_bodies ? m.padded / kBlock : 0, [&](int b) {
+  Each(TouchesBodies(w) ? m.padded / kBlock : 0, [&](int b) {
     w.plane_repeats[b] = 0;
     for (int i = 0; i < 4 * kBlock; ++i) w.plane_impulse[4 * kBlock * b + i] = 0;
     for (int v = kBlock * b; v < kBlock * (b + 1) && v < m.vertices; ++v) w.plane_repeats[b] |= w.near_vertex[v];
@@ -41,7 +41,7 @@ inline void EachPlaneBlock(const Environment& w, bool near, F f) {
                        near ? w.plane_impulse : nullptr,
                        nullptr,
                        0};
-  const bool bodies = w.step->touches_bodies;
+  const bool bodies = TouchesBodies(w);
   EachBlock(0, m.padded / kBlock, [&](int b) {
     if (w.plane_near[b] && (bodies && w.plane_repeats[b]) == near) f(plane, kBlock * b);
   });

@@ -71,7 +71,7 @@ inline void Gather(const Environment& w) {
     for (int k = 0; k < 4 * kKeptPairs; ++k) w.after_layers[4 * kKeptPairs * v + k] = 0;
   });
   Each(m.edges, [&](int e) { w.after_edge[e] = 0; });
-  Each(m.solids > 0 ? kNumSides : 0, [&](int i) { w.sides[i] = 0; });
+  Each(Solids(m) > 0 ? kNumSides : 0, [&](int i) { w.sides[i] = 0; });
   Once([&] { *w.valid = 1; });
 }
 
@@ -184,7 +184,7 @@ inline void WarmContacts(const Environment& w) {
 // Sweeps contacts near bodies.
 inline void SweepNear(const Environment& w, SweepPass pass, bool layers, bool plane) {
   if (layers) EachLayer(w, true, [&](LayerBlock* block) { SweepLayers(w.points, w.model->contact, block, pass); });
-  if (!plane || !w.step->touches_bodies) return;
+  if (!plane || !TouchesBodies(w)) return;
   EachPlaneBlock(w, true,
                  [&](const Plane& near, int first) { SweepPlane(w.points, w.model->plane_row, near, first, pass); });
 }
@@ -192,7 +192,7 @@ inline void SweepNear(const Environment& w, SweepPass pass, bool layers, bool pl
 inline void Substep(const Environment& w, int substep, int search_interval) {
   const Model& m = *w.model;
   const int blocks = m.padded / kBlock;
-  const bool warm = w.step->touches_light && substep > 0, repeats = w.step->repeats;
+  const bool warm = kSolids && w.step->touches_light && substep > 0, repeats = kSolids && w.step->repeats;
   const SweepPass once = {true, true}, pass = {!warm, !repeats};
   PushTwist(w);
   Bend(w, substep);

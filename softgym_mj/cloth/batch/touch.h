@@ -36,25 +36,32 @@ inline float SideOf(const double* sides, double key) {
   return found ? static_cast<float>(sides[first] - key * kFaces - 1) : -1;
 }
 
+// Shape and pose of a gripper, which is a sphere, or of a solid.
+inline Geom GeomOf(const Touch& touch) {
+  Geom geom = touch.geom;
+  if (!kSolids) geom.shape = Shape::kSphere;
+  return geom;
+}
+
 // Fills blocks with empty rows of points or elements.
 inline void FillBlocks(const Environment& w, const Touch& touch, bool elements, float friction) {
   const Model& m = *w.model;
   const Rows& rows = elements ? touch.triangles : touch.points;
   SolidBlock* blocks = elements ? touch.triangle_blocks : touch.point_blocks;
-  const double radius = touch.small && kThin < m.radius ? kThin : m.radius;
+  const double radius = kSolids && touch.small && kThin < m.radius ? kThin : m.radius;
   Each(kBlock * rows.blocks, [&](int i) {
     SolidBlock& block = blocks[i / kBlock];
     const int lane = i % kBlock, row = rows.order[i], none = m.vertices;
     const bool fixed = row >= 0 && !elements;
     if (lane == 0) block.active = 1;
-    block.side[lane] = fixed && touch.small ? SideOf(w.sides, touch.key[row]) : -2;
+    block.side[lane] = kSolids && fixed && touch.small ? SideOf(w.sides, touch.key[row]) : -2;
     block.rope[lane] = row >= 0 && rows.vertex[3 * row + 2] == none;
     block.friction[lane] = row < 0 ? 0 : friction;
     block.radius[lane] = row < 0 ? -1e3f : static_cast<float>(radius);
     block.impulse[lane] = block.pressed[lane] = 0;
     for (int k = 0; k < 3; ++k) {
       block.vertex[k][lane] = row < 0 ? none : rows.vertex[3 * row + k];
-      block.weight[k][lane] = fixed && touch.fixed ? touch.weight[3 * row + k] : fixed && k == 0;
+      block.weight[k][lane] = kSolids && fixed && touch.fixed ? touch.weight[3 * row + k] : fixed && k == 0;
       block.held[k][lane] = block.total[k][lane] = block.arm[k][lane] = 0;
     }
   });
@@ -104,7 +111,7 @@ inline void StartTouch(const Environment& w, int t) {
   Touch* touch = w.touch + t;
   const Solid& solid = m.At<Solid>(m.solids_at)[t];
   const Mover& body = w.bodies[solid.body];
-  const int own = t - m.grippers;
+  const int own = kSolids ? t - m.grippers : -1;
   Once([&] {
     touch->geom.shape = solid.shape;
     touch->small = body.rigid.gives_way && solid.bound < kSmall;
@@ -128,9 +135,10 @@ inline void StartTouch(const Environment& w, int t) {
   const double turning = Length(velocity + 3), speed = Length(velocity) + turning * solid.bound;
   const double margin = m.radius + kSolidMargin + m.timestep * (speed + kVelocityMargin);
   const float bound = static_cast<float>(solid.bound), reach = static_cast<float>(margin);
+  const Geom geom = GeomOf(*touch);
   const auto add = [&](const int* vertex, int corners, int number) {
-    if (!ComesNear(w.solid_position, vertex, corners, touch->geom, bound, reach)) return;
-    if (touch->fixed) return AddPoints(w, solid, vertex, corners, number, touch);
+    if (!ComesNear(w.solid_position, vertex, corners, geom, bound, reach)) return;
+    if (kSolids && touch->fixed) return AddPoints(w, solid, vertex, corners, number, touch);
     AddRow(w, corners == 1 ? &touch->points : &touch->triangles, m.vertices + m.triangles + m.edges, vertex, corners,
            number);
   };
@@ -160,29 +168,29 @@ inline void StartTouch(const Environment& w, int t) {
 // Starts contact with grippers and solids.
 inline void StartTouches(const Environment& w) {
   StartBodies(w);
-  for (int t = 0; t < w.model->grippers + w.model->solids; ++t) StartTouch(w, t);
+  for (int t = 0; t < w.model->grippers + Solids(*w.model); ++t) StartTouch(w, t);
 }
 
 // Updates rows.
 inline void FindTouches(const Environment& w, int substeps) {
   const Model& m = *w.model;
   const Solid* solids = m.At<Solid>(m.solids_at);
-  const int touches = m.grippers + m.solids;
+  const int touches = m.grippers + Solids(m);
   Each(touches, [&](int t) {
     Touch& touch = w.touch[t];
     const Mover& body = w.bodies[solids[t].body];
-    if (t >= m.grippers) return PlaceGeom(body.center, body.so_far, touch.offset, touch.matrix, &touch.geom);
+    if (kSolids && t >= m.grippers) return PlaceGeom(body.center, body.so_far, touch.offset, touch.matrix, &touch.geom);
     for (int k = 0; k < 3; ++k) touch.geom.pose[k] = body.rigid.center[k];
   });
   const float left = static_cast<float>(substeps);
   for (int t = 0; t < touches; ++t) {
     const Touch& touch = w.touch[t];
+    const Geom geom = GeomOf(touch);
     const Rigid* rigid = &w.bodies[solids[t].body].rigid;
-    EachBlock(0, touch.points.blocks, [&](int b) {
-      FindSolid(w.points, w.solid_position, touch.geom, rigid, touch.point_blocks + b, false, left);
-    });
+    EachBlock(0, touch.points.blocks,
+              [&](int b) { FindSolid(w.points, w.solid_position, geom, rigid, touch.point_blocks + b, false, left); });
     EachBlock(0, touch.triangles.blocks, [&](int b) {
-      FindSolid(w.points, w.solid_position, touch.geom, rigid, touch.triangle_blocks + b, true, left);
+      FindSolid(w.points, w.solid_position, geom, rigid, touch.triangle_blocks + b, true, left);
     });
   }
 }
@@ -192,10 +200,10 @@ inline void FindTouches(const Environment& w, int substeps) {
 template <class F>
 inline void EachTouch(const Environment& w, F f) {
   const Model& m = *w.model;
-  for (int t = 0; t < m.grippers + m.solids; ++t) {
+  for (int t = 0; t < m.grippers + Solids(m); ++t) {
     const Touch& touch = w.touch[t];
     Rigid* rigid = &w.bodies[m.At<Solid>(m.solids_at)[t].body].rigid;
-    if (rigid->gives_way) {
+    if (kSolids && rigid->gives_way) {
       EachBlock(0, 1, [&](int) {
         for (int b = 0; b < touch.points.blocks; ++b) f(touch.point_blocks + b, m.contact, rigid);
         for (int b = 0; b < touch.triangles.blocks; ++b) f(touch.triangle_blocks + b, m.contact, rigid);
@@ -221,9 +229,9 @@ inline void WarmTouches(const Environment& w) {
 // Stores the entry faces of points inside small solids, as `Solids::KeepSides`.
 inline void KeepSides(const Environment& w) {
   const Model& m = *w.model;
-  if (m.solids == 0) return;
+  if (Solids(m) == 0) return;
   Once([&] { w.step->num_sides = 0; });
-  for (int t = m.grippers; t < m.grippers + m.solids; ++t) {
+  for (int t = m.grippers; t < m.grippers + Solids(m); ++t) {
     const Touch& touch = w.touch[t];
     const bool counts = touch.small && touch.geom.shape == Shape::kBox;
     Each(counts ? kBlock * touch.points.blocks : 0, [&](int i) {
@@ -246,7 +254,7 @@ inline void KeepSides(const Environment& w) {
 inline void SumForces(const Environment& w) {
   const Model& m = *w.model;
   const double share = 1 / (m.h * m.h * m.substeps);
-  Each(m.solids, [&](int s) {
+  Each(Solids(m), [&](int s) {
     const Touch& touch = w.touch[m.grippers + s];
     double* sum = w.solid_forces + 6 * s;
     for (int k = 0; k < 6; ++k) sum[k] = 0;

@@ -5,8 +5,14 @@
 
 #include <cstdint>
 
+// A GPU's program without solids and bodies that give way is shorter: its instructions take less time to read.
+#ifndef SGM_SOLIDS
+#define SGM_SOLIDS 1
+#endif
+
 namespace softgym_mj::cloth {
 
+constexpr bool kSolids = SGM_SOLIDS;  // False if nothing but grippers touches the flex.
 // [m] The reference position of a vertex follows only if it is further away than this; other vertices count as at rest.
 // Without this hysteresis the normals of a pile jitter and it never comes to rest.
 constexpr double kHysteresis = 5e-4;

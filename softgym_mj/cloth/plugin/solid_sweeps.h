@@ -4,6 +4,7 @@
 #define SOFTGYM_MJ_CLOTH_SOLID_SWEEPS_H_
 
 #include "cloth/plugin/kernels.h"
+#include "cloth/plugin/method.h"
 #include "cloth/plugin/search.h"
 #include "cloth/plugin/sweeps.h"
 #include "native/shapes.h"
@@ -153,7 +154,7 @@ inline void PushSolid(const Points& points, const SolidBlock& block, const Lanes
     const Lanes3 x = Gather(points.now, block.vertex[k], &mass);
     Scatter(points.now, block.vertex[k], AddScaled(x, Lanes::Load(block.weight[k]) * mass, change), mass);
   }
-  if (!body || !body->gives_way) return;
+  if (!kSolids || !body || !body->gives_way) return;
   const Lanes3 arm = Load3(block.arm);
   const Lanes3 moment = {NegativeMultiplyAdd(arm.z, change.y, arm.y * change.z),
                          NegativeMultiplyAdd(arm.x, change.z, arm.z * change.x),
