@@ -1,7 +1,6 @@
 """Tables of docs/results/learning.csv and a figure of its curves, for pages."""
 
 import io
-import math
 import pathlib
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -21,7 +20,7 @@ from tools.pages import table
 
 RESULTS = pathlib.Path(__file__).parent.parent / "docs" / "results"
 FIGURE = RESULTS / "curves.png"
-_COLUMNS, _WIDTH, _HEIGHT, _DPI = 2, 4.2, 3.9, 150  # Of the figure; of a panel [inches].
+_WIDTH, _HEIGHT, _LINE, _DPI = 8.4, 2.6, 0.2, 150  # Figure, panels, legends' lines [inches].
 # Results of start states that have been replaced since: (task, method, preset, observation).
 STALE = {
     ("straighten_rope", "sac", "fast", "reduced"),
@@ -32,6 +31,7 @@ STALE = {
 # Titles of methods whose names are no abbreviations.
 _TITLES = {"teacher_student": "teacher and student", "distill": "distillation"}
 _KINDS = ("policy on states", "policy on images", "CEM")
+_MOST_OTHERS = 3  # Numbers of others in a panel.
 _LOWEST = -0.5  # Of the axis: worse policies would squeeze the others.
 
 
@@ -196,15 +196,14 @@ def draw(found: Sequence[Row], known: Sequence[Reference], file: pathlib.Path) -
     tasks = [task for task in TASKS if any(name.task == task for name in own)]
     if not tasks:
         return
-    columns = min(len(tasks), _COLUMNS)
-    height = math.ceil(len(tasks) / columns)
-    figure = new_figure(_WIDTH * columns, _HEIGHT * height)
-    grid = figure.subplots(height, columns, squeeze=False)
-    for axes, task in zip(grid.flat, tasks, strict=False):
+    lines = [sum(name.task == task for name in own) + _MOST_OTHERS for task in tasks]
+    heights = [max(_HEIGHT, _LINE * number + 1.0) for number in lines]
+    figure = new_figure(_WIDTH, sum(heights))
+    figure.set_layout_engine("constrained")
+    ratios = {"height_ratios": heights}
+    grid = figure.subplots(len(tasks), squeeze=False, gridspec_kw=ratios)
+    for axes, task in zip(grid.flat, tasks, strict=True):
         _panel(axes, task, own, known)
-    for axes in grid.flat[len(tasks) :]:
-        axes.axis("off")
-    figure.tight_layout()
     content = io.BytesIO()
     figure.savefig(content, format="png", dpi=_DPI)
     write_whole(file, content.getvalue())
@@ -233,5 +232,5 @@ def _panel(
     axes.set_ylabel("normalized performance", fontsize="small")
     axes.tick_params(labelsize="small")
     axes.spines[["top", "right"]].set_visible(False)
-    below = {"loc": "upper left", "bbox_to_anchor": (0.0, -0.27)}  # [panels]
-    axes.legend(fontsize="small", frameon=False, borderaxespad=0.0, **below)
+    beside = {"loc": "upper left", "bbox_to_anchor": (1.02, 1.0)}  # [panels]
+    axes.legend(fontsize="small", frameon=False, borderaxespad=0.0, **beside)
