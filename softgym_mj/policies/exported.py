@@ -136,8 +136,9 @@ def load_exported(file: str, env: Environment, trust: bool) -> Policy:
                     for name, tensor in batch.items()
                 )
                 raise InvalidArgumentError(
-                    f"policy={file!r} does not take {shown}: {error}; export it with an example "
-                    "of this shape and type: torch.export.export(module, (torch.zeros(...),))"
+                    f"policy={file!r} does not take {shown}: {error}; choose another "
+                    "observation, put its card (.json) next to it, or export it with an example of "
+                    "this shape and type: torch.export.export(module, (torch.zeros(...),))"
                 ) from error
         action = np.asarray(action, float).reshape(-1)
         if action.shape != (size,):
