@@ -13,8 +13,10 @@ from softgym_mj.robots.arm import arms as cpu
 from softgym_mj.robots.arm.joint_servos import SOLVE_EVERY
 from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.arm.mounts import Mount
-from softgym_mj.robots.arm_batch import chain, commands, dynamics, hands, inverse_kinematics, models
+from softgym_mj.robots.arm.position_action import PositionAction
+from softgym_mj.robots.arm_batch import chain, dynamics, hands, inverse_kinematics, models
 from softgym_mj.robots.arm_batch.chain import Pose
+from softgym_mj.robots.arm_batch.leads import LEADS
 from softgym_mj.robots.arm_batch.state import ArmState, packed
 from softgym_mj.robots.base import SIM_STEP
 
@@ -51,7 +53,11 @@ class ArmBatch:
     """
 
     def __init__(
-        self, arm: Arm, mounts: Sequence[Mount], timestep: float = SIM_STEP, tips: float = 0.0
+        self,
+        arm: Arm,
+        mounts: Sequence[Mount],
+        timestep: float = SIM_STEP,
+        action: str = PositionAction.name,
     ):
         """Prepares the arms.
 
@@ -59,14 +65,15 @@ class ArmBatch:
             arm: kind of arm.
             mounts: bases of the arms of an environment.
             timestep: physics step [s], a sim step divided by a whole number.
-            tips: as in `bodies.kinematic_model`.
+            action: one of `LEADS`.
         """
         self._arm, self._joints = arm, len(arm.joints)
         with jax.enable_x64(True):
             model, lags = models.dynamic_model(arm, timestep)
             self._dynamics, self._lags = dynamics.dynamics_of(model), lags
-            self.kinematics = inverse_kinematics.kinematics_of(arm, tuple(mounts), tips)
+            self.kinematics = inverse_kinematics.kinematics_of(arm, tuple(mounts), 0.0)
             self._solids = hands.solids_of(arm)
+        self._action = LEADS[action](arm, self.kinematics)
         self._parts = round(SIM_STEP / timestep)
         self._step = jax.jit(jax.vmap(self._env_step, (0, 0, None), (0, 1)), static_argnums=2)
 
@@ -75,12 +82,12 @@ class ArmBatch:
         """Returns a batch of arms as those of an environment.
 
         Raises:
-            InvalidArgumentError: unless their action is "position" and they hold by attachment.
+            InvalidArgumentError: unless they hold by attachment.
         """
-        valid = f"{arms.arm.name}/attach"
-        if arms.name != valid:
+        valid, *action = f"{arms.arm.name}/attach", *arms.name.split("/")[2:]
+        if arms.name != "/".join([valid, *action]):
             raise InvalidArgumentError("actor", arms.name, valid)
-        return cls(arms.arm, arms.mounts, timestep)
+        return cls(arms.arm, arms.mounts, timestep, *action)
 
     def stack(self, rows: Sequence[dict[str, np.ndarray]], device: Any = None) -> ArmState:
         """Returns the state of environments on a device of JAX, from a row of each.
@@ -98,8 +105,8 @@ class ArmBatch:
 
         Args:
             state: state of the environments.
-            actions: displacement and grip of each arm (num_envs, 4 n), an array of NumPy or JAX or,
-                on the same device, of PyTorch.
+            actions: entries and grip of each arm (num_envs, k n), an array of NumPy or JAX or, on
+                the same device, of PyTorch.
             sim_steps: number of sim steps, even.
 
         Raises:
@@ -118,17 +125,16 @@ class ArmBatch:
     def _env_step(
         self, state: ArmState, action: jax.Array, sim_steps: int
     ) -> tuple[ArmState, Motion]:
-        each = action.reshape(-1, 4)
-        fingers = self._fingers(each)
+        entries, fingers = self._split(action)
 
         def period(found, _):
             now, pose = found
-            now = self._solve(now, each[:, :3])
+            now = self._solve(now, entries)
             return jax.lax.scan(sim_step, (now, pose), jnp.arange(SOLVE_EVERY))
 
         def sim_step(found, phase):
             now, pose = found
-            now = self._lead(now, each[:, :3], phase > 0)
+            now = self._lead(now, entries, phase > 0)
             now, pose, solids = self._move(now, pose, phase, fingers)
             return (now, pose), (self._motion(now, pose), solids)
 
@@ -140,16 +146,16 @@ class ArmBatch:
         solids = jax.tree.map(lambda array: array.reshape(-1, *array.shape[3:]), solids)
         return state, Motion(points, rotations, velocities, openings, joints, solids)
 
-    def _fingers(self, each: jax.Array) -> jax.Array:
-        """Returns commands of the fingers (n, 2) [m] for the actions (n, 4) of arms."""
+    def _split(self, action: jax.Array) -> tuple[jax.Array, jax.Array]:
+        """Returns entries (n, k) of an action without grips, and commands of fingers (n, 2) [m]."""
+        each = action.reshape(len(self.kinematics.base), -1)
         shut, opened = self._arm.finger_commands
-        return jnp.where(each[:, 3:] > 0.0, shut, opened) * jnp.ones(2)
+        return each[:, :-1], jnp.where(each[:, -1:] > 0.0, shut, opened) * jnp.ones(2)
 
-    def _solve(self, state: ArmState, moves: jax.Array) -> ArmState:
+    def _solve(self, state: ArmState, entries: jax.Array) -> ArmState:
         """Starts a sim step with a solution of the inverse kinematics."""
-        state = self._lead(state, moves, True)
-        ahead = state.filter.points + (SOLVE_EVERY - 1) * state.filter.step
-        solved = inverse_kinematics.follow(self.kinematics, state.reference, ahead)
+        state = self._lead(state, entries, True)
+        solved = self._action.solve(state)
         return state._replace(
             reference=solved.angles,
             rates=solved.speeds,
@@ -159,13 +165,10 @@ class ArmBatch:
             failures=state.failures + solved.failed.astype(jnp.int32),
         )
 
-    def _lead(self, state: ArmState, moves: jax.Array, moved: jax.Array | bool) -> ArmState:
-        """Returns the state with the commanded points moved by a sim step, if they are `moved`."""
-        later = commands.advance(
-            self._arm, self.kinematics, state.filter, moves, state.limits, state.leader
-        )
-        filtered = jax.tree.map(lambda old, new: jnp.where(moved, new, old), state.filter, later)
-        return state._replace(filter=filtered)
+    def _lead(self, state: ArmState, entries: jax.Array, moves: jax.Array | bool) -> ArmState:
+        """Returns the state with the command moved by a sim step, if it `moves`."""
+        later = self._action.advance(state, entries)
+        return jax.tree.map(lambda old, new: jnp.where(moves, new, old), state, later)
 
     def _poses(self, positions: jax.Array) -> Pose:
         return jax.vmap(functools.partial(chain.poses, self._dynamics.chain))(positions)

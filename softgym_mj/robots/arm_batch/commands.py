@@ -1,4 +1,4 @@
-"""Commanded tool points of one environment: `PositionAction` and `CommandFilter` as functions."""
+"""Commanded points of one environment: `CommandFilter` and the reach of arms as functions."""
 
 from typing import NamedTuple
 
@@ -10,16 +10,15 @@ from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.arm_batch import inverse_kinematics
 from softgym_mj.robots.arm_batch.inverse_kinematics import Kinematics
 from softgym_mj.robots.base import SIM_STEP
-from softgym_mj.robots.gripper import MAX_DISPLACEMENT
 
 
 class Filter(NamedTuple):
-    """State of the command filter.
+    """State of the command filter of n points.
 
     Attributes:
-        commanded: commanded positions (arms, 3) [m].
-        points: filtered positions (arms, 3) [m].
-        step: their displacement in the last sim step (arms, 3) [m].
+        commanded: commanded positions (n, 3) [m].
+        points: filtered positions (n, 3) [m].
+        step: their displacement in the last sim step (n, 3) [m].
     """
 
     commanded: jax.Array
@@ -27,25 +26,14 @@ class Filter(NamedTuple):
     step: jax.Array
 
 
-def advance(
-    arm: Arm,
-    arms: Kinematics,
-    state: Filter,
-    moves: jax.Array,
-    limits: jax.Array,
-    leader: jax.Array,
-) -> Filter:
+def advance(state: Filter, wanted: jax.Array, leader: jax.Array) -> Filter:
     """Runs a sim step.
 
     Args:
-        arm: kind of arm.
-        arms: the arms.
         state: state of the filter.
-        moves: commanded displacements as fractions of the largest (arms, 3).
-        limits: lowest and highest commanded point (2, 3) [m].
-        leader: tool points of the reference (arms, 3) [m].
+        wanted: desired commanded points (n, 3) [m].
+        leader: points of the reference (n, 3) [m].
     """
-    wanted = within_reach(arm, arms, state.commanded + MAX_DISPLACEMENT * moves, limits)
     commanded = drawn_in(wanted, state.points, command_filter.LEAD)
     along = command_filter.ALONG * SIM_STEP
     along = drawn_in(commanded - state.commanded, jnp.zeros_like(commanded), along)

@@ -145,8 +145,18 @@ def _tool(arms: Kinematics, pose: chains.Pose) -> tuple[jax.Array, jax.Array]:
     return point, chains.product(frame, arms.tool_rotation)
 
 
+def tool_rotations(arms: Kinematics, angles: jax.Array) -> jax.Array:
+    """Returns rotation matrices (arms, 3, 3) of tools in the world for angles (arms, m) [rad]."""
+    _, turned = jax.vmap(lambda own: _tool(arms, chains.poses(arms.chain, own)))(angles)
+    return chains.product(arms.yaw, turned)
+
+
 def follow(
-    arms: Kinematics, angles: jax.Array, goals: jax.Array, duration: float = cartesian.PERIOD
+    arms: Kinematics,
+    angles: jax.Array,
+    goals: jax.Array,
+    rotations: jax.Array | None = None,
+    duration: float = cartesian.PERIOD,
 ) -> Reference:
     """Moves the reference for `duration` [s] so that its tools reach their goals.
 
@@ -154,24 +164,50 @@ def follow(
         arms: the arms.
         angles: joint angles (arms, m) [rad].
         goals: tool points in the world (arms, 3) [m].
+        rotations: rotations of the tools in the mounts' frames (arms, 3, 3); None for those at
+            home.
         duration: duration of the motion [s].
     """
     number, joints = angles.shape
     pose = jax.vmap(lambda own: chains.poses(arms.chain, own))(angles)
+    turned = arms.upright * jnp.ones((number, 1, 1)) if rotations is None else rotations
     matrices, vectors, damping = jax.vmap(lambda *own: _task(arms, *own))(
-        pose, to_mounts(arms, goals)
+        pose, to_mounts(arms, goals), turned
     )
     matrix = jax.scipy.linalg.block_diag(*matrices)
     stiff = cartesian.POSTURE_COST**2
     matrix += (damping.sum() + stiff + cartesian.DAMPING) * jnp.eye(number * joints)
     vector = vectors + stiff * cartesian.POSTURE_GAIN * (angles - arms.home)
+    return _moved(arms, angles, pose, (matrix, vector.ravel()), duration)
+
+
+def bend(arms: Kinematics, angles: jax.Array, goals: jax.Array) -> Reference:
+    """Moves the reference for a period so that its joints reach their goals.
+
+    Args:
+        arms: the arms.
+        angles, goals: joint angles and their goals (arms, m) [rad].
+    """
+    pose = jax.vmap(lambda own: chains.poses(arms.chain, own))(angles)
+    matrix = (1.0 + cartesian.DAMPING) * jnp.eye(angles.size)
+    return _moved(arms, angles, pose, (matrix, (angles - goals).ravel()), cartesian.PERIOD)
+
+
+def _moved(
+    arms: Kinematics,
+    angles: jax.Array,
+    pose: chains.Pose,
+    costs: tuple[jax.Array, jax.Array],
+    duration: float,
+) -> Reference:
+    """Minimizes costs of displacements, a matrix and a vector, within the limits."""
+    number, joints = angles.shape
     up = jnp.minimum(cartesian.LIMIT_GAIN * (arms.high - angles), duration * arms.speed)
     down = jnp.minimum(cartesian.LIMIT_GAIN * (angles - arms.low), duration * arms.speed)
     rows, bounds = _distances(arms, pose, duration)
     every = np.eye(number * joints)
     solution = quadratic.minimize(
-        matrix,
-        vector.ravel(),
+        *costs,
         jnp.concatenate([every, -every, *rows]),
         jnp.concatenate([up.ravel(), down.ravel(), *bounds]),
     )
@@ -182,16 +218,14 @@ def follow(
 
 
 def _task(
-    arms: Kinematics, pose: chains.Pose, goal: jax.Array
+    arms: Kinematics, pose: chains.Pose, goal: jax.Array, upright: jax.Array
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Returns matrix (m, m), vector (m,) and damping of an arm's task."""
     point, rotation = _tool(arms, pose)
     linear, angular = chains.jacobians(arms.chain, pose, point[None], np.array([arms.tool_body]))
     turned = rotation.T
     own = jnp.concatenate([chains.product(turned, linear[0]), chains.product(turned, angular[0])])
-    error = twists.logarithm(
-        chains.product(turned, arms.upright), chains.apply(turned, goal - point)
-    )
+    error = twists.logarithm(chains.product(turned, upright), chains.apply(turned, goal - point))
     jacobian = -COSTS[:, None] * chains.product(twists.inverse_jacobian(error), own)
     weighted = COSTS * error
     matrix = (jacobian[:, :, None] * jacobian[:, None]).sum(0)

@@ -58,11 +58,13 @@ class Ended(NamedTuple):
     Attributes:
         sensed: as `JointServos.sensed` (num_envs, n (8 + 2 m)).
         at_reach: number of commanded points at the end of the reach (num_envs,).
+        remembered: as `ArmAction.remembered` (num_envs, k).
         poses: positions [m] and quaternions of the moving bodies (num_envs, n bodies, 7).
     """
 
     sensed: jax.Array
     at_reach: jax.Array
+    remembered: jax.Array
     poses: jax.Array
 
 
@@ -76,9 +78,9 @@ class PushedArms(ArmBatch):
         is_pad: whether each solid of a hand is a pad (k,).
     """
 
-    def __init__(self, arm: Arm, mounts: Sequence[Mount]):
-        """Prepares arms of a kind on mounts."""
-        super().__init__(arm, mounts, SIM_STEP)
+    def __init__(self, arm: Arm, mounts: Sequence[Mount], action: str):
+        """Prepares arms of a kind on mounts, with an action of `LEADS`."""
+        super().__init__(arm, mounts, SIM_STEP, action)
         self.is_pad = self._solids.is_pad
         self.solve = jax.jit(jax.vmap(self._solved))
         self.step_alone = jax.jit(jax.vmap(self._alone, (0, 0, 0, None)))
@@ -95,7 +97,8 @@ class PushedArms(ArmBatch):
     # ------------------------------------------------------------------ one environment
 
     def _solved(self, state: ArmState, action: jax.Array) -> ArmState:
-        return self._solve(state, action.reshape(-1, 4)[:, :3])
+        entries, _ = self._split(action)
+        return self._solve(state, entries)
 
     def _alone(
         self, state: ArmState, push: Push, action: jax.Array, phase: jax.Array
@@ -111,10 +114,10 @@ class PushedArms(ArmBatch):
         Returns:
             State after the step without its push, this push but for the impulses, and the hands.
         """
-        each, arm = action.reshape(-1, 4), self._dynamics
-        state = self._lead(_pushed(state, push), each[:, :3], phase > 0)
+        arm, (entries, command) = self._dynamics, self._split(action)
+        state = self._lead(_pushed(state, push), entries, phase > 0)
         pose = self._poses(state.positions)
-        later, inertia, solids = self._part(state, pose, phase + 1.0, self._fingers(each))
+        later, inertia, solids = self._part(state, pose, phase + 1.0, command)
         jacobians = jax.vmap(functools.partial(hands.jacobians, arm, self._solids))(
             pose, self.kinematics.yaw
         )
@@ -139,12 +142,12 @@ class PushedArms(ArmBatch):
             joints, state.speeds[:, : self._joints],
         )  # fmt: skip
         sensed = jnp.concatenate([points.ravel(), jnp.concatenate(own, axis=1).ravel()])
-        ends = commands.at_end(self._arm, arms, state.filter.commanded)
+        ends = commands.at_end(self._arm, arms, self._action.commanded(state))
         moving = np.flatnonzero(chain.moves.any(1))
         places = arms.base[:, None] + chains.apply(arms.yaw[:, None], pose.position[:, moving])
         turns = hands.quaternions(chains.product(arms.yaw[:, None], pose.rotation[:, moving]))
         poses = jnp.concatenate([places, turns], axis=-1).reshape(-1, 7)
-        return state, Ended(sensed, ends.sum(), poses)
+        return state, Ended(sensed, ends.sum(), self._action.remembered(state), poses)
 
 
 def _pushed(state: ArmState, push: Push) -> ArmState:

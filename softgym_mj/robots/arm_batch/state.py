@@ -11,6 +11,8 @@ from softgym_mj.robots.arm.arms import Arms
 from softgym_mj.robots.arm.joint_servos import SOLVE_EVERY
 from softgym_mj.robots.arm_batch import commands
 
+_TURNS = "turn_"  # Prefix of the names of arrays of `ArmState.turns`.
+
 
 class ArmState(NamedTuple):
     """State of the arms of environments: n arms with m joints each, and two fingers.
@@ -21,10 +23,12 @@ class ArmState(NamedTuple):
             (num_envs, n, m) [rad], [rad/s].
         start, goal: commands of the servos at the last solution and at the next (num_envs, n, m)
             [rad].
-        filter: command filter; arrays (num_envs, n, 3).
+        filter: command filter; arrays (num_envs, n, 3), or of commanded joints (num_envs, n m, 1).
         leader: tool points of the reference (num_envs, n, 3) [m].
         limits: lowest and highest commanded point (num_envs, 2, 3) [m].
         failures: number of solutions that were not found (num_envs,).
+        turns, oriented: filter of rotations, relative to the orientations (num_envs, n, 4) of the
+            tools that it leads, with the action "pose" only.
     """
 
     positions: jax.Array
@@ -37,6 +41,8 @@ class ArmState(NamedTuple):
     leader: jax.Array
     limits: jax.Array
     failures: jax.Array
+    turns: commands.Filter | None = None
+    oriented: jax.Array | None = None
 
 
 def read_state(arms: Arms) -> dict[str, np.ndarray]:
@@ -55,7 +61,10 @@ def read_state(arms: Arms) -> dict[str, np.ndarray]:
     def joined(values, own, hands):
         return np.concatenate([values[own].reshape(number, -1), values[hands]], axis=1)
 
-    commanded, points, step = state["filter"]
+    def filtered(name, prefix):
+        names = (prefix + field for field in commands.Filter._fields)
+        return dict(zip(names, state[name], strict=True)) if name in state else {}
+
     return {
         "positions": joined(data.qpos, servos.positions_at, fingers.positions_at),
         "speeds": joined(data.qvel, servos.speeds_at, fingers.speeds_at),
@@ -63,9 +72,9 @@ def read_state(arms: Arms) -> dict[str, np.ndarray]:
         "rates": state["velocity"].reshape(number, -1),
         "start": state["servo"][0].reshape(number, -1),
         "goal": state["servo"][1].reshape(number, -1),
-        "commanded": commanded,
-        "points": points,
-        "step": step,
+        **filtered("filter", ""),
+        **filtered("turns", _TURNS),
+        **({"oriented": state["oriented"]} if "oriented" in state else {}),
         "leader": arms.controller.points(),
         "limits": np.array(arms.limits),
         "failures": state["failures"].astype(np.int32),
@@ -74,16 +83,22 @@ def read_state(arms: Arms) -> dict[str, np.ndarray]:
 
 def packed(arrays: Mapping[str, Any]) -> ArmState:
     """Returns the state from its arrays by name, as in `read_state`; others are ignored."""
-    own = {name: array for name, array in arrays.items() if name in ArmState._fields}
-    return ArmState(
-        filter=commands.Filter(*(arrays[name] for name in commands.Filter._fields)), **own
-    )
+    own, fields = {name: arrays[name] for name in ArmState._fields if name in arrays}, {}
+    for name, prefix in (("filter", ""), ("turns", _TURNS)):
+        names = [prefix + field for field in commands.Filter._fields]
+        if names[0] in arrays:
+            fields[name] = commands.Filter(*(arrays[each] for each in names))
+    return ArmState(**fields, **own)
 
 
 def unpacked(state: ArmState) -> dict[str, Any]:
     """Returns the arrays of a state by name, as in `read_state`."""
-    arrays = state._asdict()
-    return {**arrays.pop("filter")._asdict(), **arrays}
+    arrays = {name: array for name, array in state._asdict().items() if array is not None}
+    for name, prefix in (("filter", ""), ("turns", _TURNS)):
+        if name in arrays:
+            fields = arrays.pop(name)._asdict()
+            arrays |= {prefix + field: array for field, array in fields.items()}
+    return arrays
 
 
 def control_state(own: ArmState) -> dict[str, np.ndarray]:
@@ -95,4 +110,6 @@ def control_state(own: ArmState) -> dict[str, np.ndarray]:
         "phase": np.array(SOLVE_EVERY - 1),
         "servo": np.array([own.start.ravel(), own.goal.ravel()]),
         "filter": np.array(own.filter),
+        **({} if own.turns is None else {"turns": np.array(own.turns)}),
+        **({} if own.oriented is None else {"oriented": own.oriented}),
     }

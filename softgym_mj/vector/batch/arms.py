@@ -35,16 +35,16 @@ GRIPS = "center", "held", "offset", "dropped", "yielded", "order", "solid", "wor
 
 
 @functools.lru_cache(maxsize=4)
-def _arms_of(arm: Arm, mounts: tuple[Mount, ...]) -> PushedArms:
+def _arms_of(arm: Arm, mounts: tuple[Mount, ...], action: str) -> PushedArms:
     """Returns arms whose functions are compiled once for all batches of a process."""
-    return PushedArms(arm, mounts)
+    return PushedArms(arm, mounts, action)
 
 
 class ArmClothBatch(ClothBatch):
     """Batch physics of one flex that arms hold by attachment and push.
 
     Sim steps of the arms, by JAX, alternate with those of the flex. State of the arms: "arms", with
-    the arrays of `read_state`, `sensed`, `at_reach` and `poses` of their bodies.
+    the arrays of `read_state` and those of `Ended`.
     """
 
     is_interleaved = True
@@ -53,14 +53,10 @@ class ArmClothBatch(ClothBatch):
     def _check(self, task: Task) -> None:
         if not isinstance(task.actor, Arms):
             raise cpu_only(f"actor={task.actor.name!r}")
-        _, grasp, *action = task.actor.name.split("/")
-        for name, value, valid in (
-            ("grasp", grasp, ATTACH),
-            ("action", *(action or [PositionAction.name]), PositionAction.name),
-        ):
-            if value != valid:
-                devices = "on 'host' and 'cuda'; device='cpu' has all"
-                raise InvalidArgumentError(name, value, f"{valid!r} {devices}")
+        _, grasp, *_ = task.actor.name.split("/")
+        if grasp != ATTACH:
+            valid = f"{ATTACH!r} on 'host' and 'cuda'; device='cpu' has all"
+            raise InvalidArgumentError("grasp", grasp, valid)
         if task.physics_timestep != SIM_STEP:
             raise cpu_only(f"timestep={task.physics_timestep}")
         if task.action_repeat % SOLVE_EVERY:
@@ -69,7 +65,8 @@ class ArmClothBatch(ClothBatch):
     @functools.cached_property
     def _arms(self) -> PushedArms:
         with jax.default_device(self._jax_device):
-            return _arms_of(self._actor.arm, self._actor.mounts)
+            action = (*self._actor.name.split("/")[2:], PositionAction.name)[0]
+            return _arms_of(self._actor.arm, self._actor.mounts, action)
 
     def _solids(self) -> tuple[int, int]:
         return len(self._geoms), len(self._actor.arm.joints) + 2
@@ -130,6 +127,7 @@ class ArmClothBatch(ClothBatch):
             **read_state(actor),
             "sensed": actor.proprioception(),
             "at_reach": np.array(actor.at_reach),
+            "remembered": actor.remembered()[4 * actor.num_grippers :],
             "poses": np.concatenate([data.xpos[own], data.xquat[own]], axis=1),
         }
         return {**{name: state[name] for name in GRIPS}, "arms": arms}
@@ -219,10 +217,8 @@ class ArmClothBatch(ClothBatch):
         return self._xp.asarray(self.state["arms"]["sensed"], copy=True)
 
     def _remembered(self) -> Array:
-        commanded = self.state["arms"]["commanded"]
-        return self._xp.concat(
-            [super()._remembered(), commanded.reshape((len(commanded), -1))], axis=-1
-        )
+        own = self.state["arms"]["remembered"]
+        return self._xp.concat([super()._remembered(), own], axis=-1)
 
     def poses(self) -> Array:
         return self._xp.asarray(self.state["arms"]["poses"], copy=True)
