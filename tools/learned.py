@@ -57,8 +57,8 @@ def results() -> str:
             (line["method"], line["observation"].replace("+", " + ")),
             (line["preset"], line["replay"]),
             (score, _ranged(line, "iqm", "iqm_low", "iqm_high")),
-            (f"{line['success_rate']:.2f}", f"{line['min']:.2f}"),
-            (_optional(line["gap"], ".2f"), _optional(line["published"], ".2f")),
+            (f"{line['success_rate']:.2f}", f"{line['min']:z.2f}"),
+            (_optional(line["gap"], "z.2f"), _optional(line["published"], ".2f")),
             (f"{line['seeds']}", f"{line['episodes']}"),
             (f"{line['env_steps']:,}", f"{line['updates']:,}"),
         )
@@ -116,7 +116,7 @@ def matrix() -> str:
     found = [
         _row(
             f"`{task}`",
-            _optional(nothing.get(task), ".2f"),
+            _optional(nothing.get(task), "z.2f"),
             *(cells[task].get(kind, "") for kind in _KINDS),
         )
         for task in TASKS
@@ -129,7 +129,7 @@ def idle() -> dict[str, float]:
     """Mean scores of doing nothing over all held-out variations, of the tasks that have them."""
     results = read_results([*sorted((RESULTS / "zero").glob("*.json"))])
     return {
-        result["task"]: round(result["summary"]["mean"], 6) + 0.0  # Never -0.00.
+        result["task"]: result["summary"]["mean"]
         for result in results
         if result["policy"] == "zero" and result["variations"] == [*SPLITS["evaluate"]]
     }
@@ -162,8 +162,8 @@ def _row(*cells: str) -> str:
 
 def _ranged(line: Mapping[str, Any], value: str, low: str, high: str) -> str:
     """A number, and its range if it has one."""
-    shown = "" if line[low] is None else f" ({line[low]:.2f} to {line[high]:.2f})"
-    return f"{line[value]:.2f}{shown}"
+    shown = "" if line[low] is None else f" ({line[low]:z.2f} to {line[high]:z.2f})"
+    return f"{line[value]:z.2f}{shown}"
 
 
 def _optional(value: float | None, form: str) -> str:

@@ -121,6 +121,6 @@ def markdown(results: Sequence[Mapping]) -> str:
     lines = ["| task | " + " | ".join(groups) + " |", "|---" * (len(groups) + 1) + "|"]
     for task in dict.fromkeys(result["task"] for result in results):
         own = [scores.get((task, group)) for group in groups]
-        cells = ["" if s is None else f"{s['mean']:.2f} ({s['min']:.2f})" for s in own]
+        cells = ["" if s is None else f"{s['mean']:z.2f} ({s['min']:z.2f})" for s in own]
         lines.append(f"| `{task}` | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
