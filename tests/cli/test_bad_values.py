@@ -26,7 +26,7 @@ REFUSED = {
     "teacher": ["train", "distill", ROPE, "--teacher", "none.pt2", "--trust"],
     "trust": ["train", "distill", ROPE, "--teacher", str(RESULTS / "policies/fold_cloth-sac.pt2")],
     "no teacher": ["train", "distill", ROPE, "--device", "host"],
-    "observations": ["train", "sac", ROPE, "--device", "host", "--observation", "rgb,held"],
+    "observations": ["train", "sac", ROPE, "--device", "host", "--observation", "reduced,held"],
     "published outside of a clone": ["evaluate", ROPE, "--policy", "straighten_rope-sac"],
     "more episodes than variations": ["record", ROPE, "--episodes", "900"],
     "markup of a task": ["rollout", "[/b]"],
