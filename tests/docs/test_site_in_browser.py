@@ -29,6 +29,8 @@ BROKEN = """[
 ]"""
 EAGER = "document.querySelectorAll('img[loading=lazy]').forEach(i => { i.loading = 'eager' })"
 COMPLETE = "[...document.images].every(i => i.complete)"
+CUT = """[...document.querySelectorAll('pre > code')]
+    .filter(c => c.scrollWidth > c.clientWidth + 1).map(c => 'cut off: ' + c.innerText)"""
 LINKS = "[...document.querySelectorAll('a[href]')].map(a => a.href)"
 WRAP = ".md-typeset__scrollwrap"  # Scrolls a table sideways.
 NAMES = "[...document.querySelectorAll('[id], a[name]')].map(e => e.id || e.name)"
@@ -85,7 +87,7 @@ def test_dead_links_are_found(tmp_path):
 
 @pytest.fixture(name="browser", scope="module")
 def _browser(tmp_path_factory):
-    browser = chromium.Chromium(tmp_path_factory.mktemp("profile"), width=1280, height=900)
+    browser = chromium.Chromium(tmp_path_factory.mktemp("profile"), width=1300, height=900)
     for domain in ("Page", "Runtime", "Log"):
         browser.call(f"{domain}.enable")
     yield browser
@@ -115,7 +117,7 @@ def test_every_page_is_whole(site, browser):
     wrong, links, names = [], {}, {}
     for file in sorted(folder.rglob("*.html")):
         page = address + file.relative_to(folder).as_posix().removesuffix("index.html")
-        wrong += opened(browser, page)
+        wrong += opened(browser, page) + browser.evaluate(CUT)
         links[page], names[page] = browser.evaluate(LINKS), browser.evaluate(NAMES)
     assert len(links) > 40  # Data sheets, notebooks, reference and what nav lists.
     assert not wrong + dead(links, names, folder, address)
