@@ -96,6 +96,8 @@ class ClothBatchSolver(solver.BatchSolver):
         solid_impulses: Sum J of the impulses of all substeps on a body that gives way, times their
             length, and sum K of J after each of them, at the body's first solid (num_envs, solids,
             2, 6). batch/README.md has the formulas for its speeds and coordinates.
+        pushes: Least component of contact normals along the y axis of each solid, for each vertex
+            of the elements that it pressed on last; else 0 (num_envs, solids, vertices).
         sides: Faces of solids through which points have entered them (num_envs, `SIDES`).
     """
 
@@ -130,6 +132,7 @@ class ClothBatchSolver(solver.BatchSolver):
     last = (
         *("twist", "poses", "velocities", "accelerations", "touching", "solid_forces", "sides"),
         *("jacobians", "responses", "solid_impulses", "solids", "faces", "dofs"),
+        *("pushes", "pushed"),
     )
     valid: Array
     qpos: Array
@@ -144,6 +147,7 @@ class ClothBatchSolver(solver.BatchSolver):
     sides: Array
     solid_forces: Array
     solid_impulses: Array
+    pushes: Array
 
     def __init__(
         self,
@@ -153,6 +157,7 @@ class ClothBatchSolver(solver.BatchSolver):
         device: Device | None = None,
         solids: int = 0,
         dofs: int = 0,
+        notes_pushes: bool = False,
     ):
         """Allocates zeros, without models.
 
@@ -163,12 +168,15 @@ class ClothBatchSolver(solver.BatchSolver):
             device: Device of the arrays; None means this processor.
             solids: Solids of each model.
             dofs: Most degrees of freedom of a kinematic tree with solids; 0 if the flex moves none.
+            notes_pushes: Whether steps write `pushes`.
         """
+        pushed = vertices if notes_pushes else 0
         jacobians = {
             "jacobians": ("solids", (6, dofs), "float64"),
             "responses": ("solids", (dofs, 6), "float64"),
         }
         self.inputs = {**self.inputs, **jacobians}
+        self.outputs = {**self.outputs, "pushes": ("solids", (pushed,), "float64")}
         sizes = {
             "vertices": vertices,
             "edges": EDGES_OF_VERTEX * vertices,
@@ -176,6 +184,7 @@ class ClothBatchSolver(solver.BatchSolver):
             "solids": solids,
             "faces": SIDES if solids else 0,
             "dofs": dofs,
+            "pushed": pushed,
         }
         self._variant = SOLIDS if solids else ""
         super().__init__(num_envs, sizes, device)

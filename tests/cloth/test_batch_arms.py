@@ -5,6 +5,7 @@ import pytest
 
 import softgym_mj
 from softgym_mj.batch.device import CpuDevice, Device
+from softgym_mj.cloth import solver
 from softgym_mj.cloth.batch_solver import ClothBatchSolver, describe
 from tests.cloth.pushed import Bodies
 
@@ -33,15 +34,30 @@ class _Followed:
         self.bodies = Bodies(model, data, solids)
         self._described = describe(model, [-1, -1], solids=solids)
         self.solver = self.new(device)
-        self.solver.qpos[0], self.solver.qvel[0] = self.flex.slides, self.flex.slide_velocities
+        count = self.flex.num_points
+        self.solver.qpos[0, :count] = self.flex.slides
+        self.solver.qvel[0, :count] = self.flex.slide_velocities
         data.plugin_state[model.plugin_stateadr[0]] = 0.0
 
     def new(self, device: Device | None) -> ClothBatchSolver:
         """A batch for this environment on a device."""
         solids, dofs = len(self.bodies.solids), self.bodies.most_dofs
-        solver = ClothBatchSolver(1, self.flex.num_points, 2, device, solids, dofs)
-        solver.start(0, self._described)
-        return solver
+        more = self.flex.num_points + 3  # Rows have room for larger models.
+        batch = ClothBatchSolver(1, more, 2, device, solids, dofs, notes_pushes=True)
+        batch.start(0, self._described)
+        return batch
+
+    def pushes(self) -> np.ndarray:
+        """Least components of contact normals along the y axes of solids (solids, vertices)."""
+        model, data = self.bodies.model, self.bodies.data
+        found = np.zeros((len(self.bodies.solids), model.nflexvert + 1))
+        contacts = solver.contacts(model, data)
+        for contact in contacts:
+            k = self.bodies.solids.index(contact["geom"])
+            along = contact["normal"] @ data.geom_xmat[contact["geom"]].reshape(3, 3)[:, 1]
+            own = np.clip(contact["vertex"], -1, model.nflexvert)  # Others are no vertices.
+            found[k, own] = np.minimum(found[k, own], along)
+        return found[:, :-1]
 
     def steps(self, number: int):
         """Plays random env steps that lower the hands; yields the motion of each physics step."""
@@ -66,16 +82,18 @@ class _Followed:
 @pytest.mark.parametrize(("task", "actor", "variation", "number", "turns"), EPISODES)
 def test_hands_push_and_hold_as_in_the_plugin(task, actor, variation, number, turns):
     followed = _Followed(task, actor, "friction", variation, CpuDevice(turns=turns))
-    solver, pushes, faces = followed.solver, 0, 0
+    batch, pushes, faces = followed.solver, 0, 0
     for *_, motion in followed.steps(number):
-        np.testing.assert_array_equal(solver.qpos[0], followed.flex.slides)
-        np.testing.assert_array_equal(solver.qvel[0], followed.flex.slide_velocities)
-        followed.bodies.check(solver, motion)
-        pushes += solver.solid_impulses.any()
-        faces += solver.sides.any()
+        count = followed.flex.num_points
+        np.testing.assert_array_equal(batch.qpos[0, :count], followed.flex.slides)
+        np.testing.assert_array_equal(batch.qvel[0, :count], followed.flex.slide_velocities)
+        np.testing.assert_allclose(batch.pushes[0, :, :count], followed.pushes(), atol=1e-7)
+        followed.bodies.check(batch, motion)
+        pushes += batch.solid_impulses.any()
+        faces += batch.sides.any()
     assert pushes > 1
     assert faces > 1 or task == "straighten_rope"
-    assert solver.flags[0] == 0
+    assert batch.flags[0] == 0
 
 
 def test_hands_hold_attached_vertices():
@@ -85,5 +103,7 @@ def test_hands_hold_attached_vertices():
         number += (held >= 0).sum()
         # The goal of a held vertex is rounded otherwise.
         slides = followed.flex.slides
-        np.testing.assert_allclose(followed.solver.qpos[0], slides, rtol=0.0, atol=1e-7)
+        np.testing.assert_allclose(
+            followed.solver.qpos[0, : len(slides)], slides, rtol=0.0, atol=1e-7
+        )
     assert number > 5

@@ -87,6 +87,8 @@ struct Environment {
   int dofs;
   // Outputs: mean force and torque on each solid in the step (solids, 6), and impulses on its body (solids, 2, 6).
   double *solid_forces, *solid_impulses;
+  double* pushes;  // (solids, pushed) Least component of contact normals along the solid's y axis, by vertex; or null.
+  int pushed;
   double* sides;  // State: entry faces (kNumSides,) of points inside small solids.
 
   // State: `valid` is 1 once the other arrays are valid (Kept). Grippers (grippers, 3) [m], [m/s].

@@ -27,6 +27,8 @@ struct Batch {
   const double *jacobians, *responses;
   double* solid_impulses;
   long long num_solids, num_faces, num_dofs;
+  double* pushes;
+  long long num_pushed;
 };
 
 // Steps environment `i` in a slot; `turns`: order of iterations (group.h).

@@ -39,6 +39,8 @@ inline void StepEnvironmentOf(const Batch& batch, int i, int slot, float* quick 
     w.jacobians = batch.jacobians + 6 * w.dofs * solids;
     w.responses = batch.responses + 6 * w.dofs * solids;
     w.solid_impulses = batch.solid_impulses + 12 * solids;
+    w.pushed = static_cast<int>(batch.num_pushed);
+    w.pushes = w.pushed > 0 ? batch.pushes + w.pushed * solids : nullptr;
     w.sides = batch.sides + batch.num_faces * i;
     Memory kept(batch.kept + batch.kept_size * i), memory(batch.memory + batch.memory_size * slot);
     TakeKept(*w.model, &kept, &w);

@@ -250,6 +250,7 @@ inline void StepEnvironment(const Environment& w) {
   });
   FinishMotion(w);
   KeepSides(w);
+  FindPushes(w);
   EndTwist(w);
   Each(3 * m.vertices, [&](int i) {
     w.qvel[i] = w.speed[i];

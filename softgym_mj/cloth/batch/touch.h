@@ -250,6 +250,37 @@ inline void KeepSides(const Environment& w) {
   });
 }
 
+// Writes for each vertex of the elements that a solid pressed on last the least component of the contact normals along
+// the solid's y axis.
+inline void FindPushes(const Environment& w) {
+  const Model& m = *w.model;
+  if (!w.pushes) return;
+  Each(Solids(m) * w.pushed, [&](int i) { w.pushes[i] = 0; });
+  Each(Solids(m), [&](int s) {
+    const Touch& touch = w.touch[m.grippers + s];
+    const double* q = w.poses + 7 * s + 3;
+    const double axis[3] = {2 * (q[1] * q[2] - q[0] * q[3]), 1 - 2 * (q[1] * q[1] + q[3] * q[3]),
+                            2 * (q[2] * q[3] + q[0] * q[1])};
+    const auto note = [&](const Rows& rows, const SolidBlock* blocks) {
+      for (int i = 0; i < kBlock * rows.blocks; ++i) {
+        const SolidBlock& block = blocks[i / kBlock];
+        const int lane = i % kBlock;
+        if (!(block.pressed[lane] > 0)) continue;
+        double along = 0;
+        for (int k = 0; k < 3; ++k) along += axis[k] * block.normal[k][lane];
+        for (int k = 0; k < 3; ++k) {
+          const int v = block.vertex[k][lane];
+          if (v >= m.vertices) continue;
+          double* least = w.pushes + s * w.pushed + v;
+          *least = along < *least ? along : *least;
+        }
+      }
+    };
+    note(touch.points, touch.point_blocks);
+    note(touch.triangles, touch.triangle_blocks);
+  });
+}
+
 // Writes mean forces of the flex on solids in the step, and torques about the centers of mass of their bodies.
 inline void SumForces(const Environment& w) {
   const Model& m = *w.model;
