@@ -11,7 +11,6 @@ import torch
 import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.policies.experts import make_policy
-from softgym_mj.robots.arm.arms import Arms
 from softgym_mj.robots.arm.models import ARMS
 from softgym_mj.robots.arm_batch.arms import ArmBatch
 from softgym_mj.robots.arm_batch.state import control_state, read_state
@@ -257,5 +256,3 @@ def test_what_batches_cannot_do_is_refused():
     scene.arms.plan()
     with pytest.raises(InvalidArgumentError, match="phase=0"):
         read_state(scene.arms)
-    with pytest.raises(InvalidArgumentError, match="friction"):
-        ArmBatch.of(Arms(ARMS["franka"], 1, grasp="friction"))

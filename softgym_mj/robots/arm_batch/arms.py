@@ -10,6 +10,7 @@ import numpy as np
 
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.robots.arm import arms as cpu
+from softgym_mj.robots.arm.grasps import CLOSING_SPEED, GRASPS, AttachGrasp
 from softgym_mj.robots.arm.joint_servos import SOLVE_EVERY
 from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.arm.mounts import Mount
@@ -58,6 +59,7 @@ class ArmBatch:
         mounts: Sequence[Mount],
         timestep: float = SIM_STEP,
         action: str = PositionAction.name,
+        grasp: str = "attach",
     ):
         """Prepares the arms.
 
@@ -66,28 +68,24 @@ class ArmBatch:
             mounts: bases of the arms of an environment.
             timestep: physics step [s], a sim step divided by a whole number.
             action: one of `LEADS`.
+            grasp: one of `GRASPS`.
         """
         self._arm, self._joints = arm, len(arm.joints)
         with jax.enable_x64(True):
             model, lags = models.dynamic_model(arm, timestep)
             self._dynamics, self._lags = dynamics.dynamics_of(model), lags
-            self.kinematics = inverse_kinematics.kinematics_of(arm, tuple(mounts), 0.0)
-            self._solids = hands.solids_of(arm)
-        self._action = LEADS[action](arm, self.kinematics)
+            tips = AttachGrasp.tip_clearance - GRASPS[grasp].tip_clearance
+            self.kinematics = inverse_kinematics.kinematics_of(arm, tuple(mounts), tips)
+            self._solids = hands.solids_of(arm, grasp)
+        self._grasp, self._action = grasp, LEADS[action](arm, self.kinematics)
         self._parts = round(SIM_STEP / timestep)
         self._step = jax.jit(jax.vmap(self._env_step, (0, 0, None), (0, 1)), static_argnums=2)
 
     @classmethod
     def of(cls, arms: cpu.Arms, timestep: float = SIM_STEP) -> "ArmBatch":
-        """Returns a batch of arms as those of an environment.
-
-        Raises:
-            InvalidArgumentError: unless they hold by attachment.
-        """
-        valid, *action = f"{arms.arm.name}/attach", *arms.name.split("/")[2:]
-        if arms.name != "/".join([valid, *action]):
-            raise InvalidArgumentError("actor", arms.name, valid)
-        return cls(arms.arm, arms.mounts, timestep, *action)
+        """Returns a batch of arms as those of an environment."""
+        grasp, action = kinds_of(arms)
+        return cls(arms.arm, arms.mounts, timestep, action, grasp)
 
     def stack(self, rows: Sequence[dict[str, np.ndarray]], device: Any = None) -> ArmState:
         """Returns the state of environments on a device of JAX, from a row of each.
@@ -125,7 +123,7 @@ class ArmBatch:
     def _env_step(
         self, state: ArmState, action: jax.Array, sim_steps: int
     ) -> tuple[ArmState, Motion]:
-        entries, fingers = self._split(action)
+        entries, closed = self._split(action)
 
         def period(found, _):
             now, pose = found
@@ -135,7 +133,7 @@ class ArmBatch:
         def sim_step(found, phase):
             now, pose = found
             now = self._lead(now, entries, phase > 0)
-            now, pose, solids = self._move(now, pose, phase, fingers)
+            now, pose, solids = self._move(self._gripped(now, closed), pose, phase)
             return (now, pose), (self._motion(now, pose), solids)
 
         begin = state, self._poses(state.positions)
@@ -147,10 +145,18 @@ class ArmBatch:
         return state, Motion(points, rotations, velocities, openings, joints, solids)
 
     def _split(self, action: jax.Array) -> tuple[jax.Array, jax.Array]:
-        """Returns entries (n, k) of an action without grips, and commands of fingers (n, 2) [m]."""
+        """Returns entries (n, k) of an action without grips, and which hands it closes (n,)."""
         each = action.reshape(len(self.kinematics.base), -1)
-        shut, opened = self._arm.finger_commands
-        return each[:, :-1], jnp.where(each[:, -1:] > 0.0, shut, opened) * jnp.ones(2)
+        return each[:, :-1], each[:, -1] > 0.0
+
+    def _gripped(self, state: ArmState, closed: jax.Array) -> ArmState:
+        """Returns the state with the fingers commanded for a sim step, as `Grasp.plan`."""
+        if self._grasp == "attach":
+            shut, opened = self._arm.finger_commands
+        else:
+            lowest, opened = self._arm.finger_range
+            shut = jnp.maximum(state.fingers - CLOSING_SPEED * SIM_STEP, lowest)
+        return state._replace(fingers=jnp.where(closed[:, None], shut, opened) * jnp.ones(2))
 
     def _solve(self, state: ArmState, entries: jax.Array) -> ArmState:
         """Starts a sim step with a solution of the inverse kinematics."""
@@ -174,7 +180,7 @@ class ArmBatch:
         return jax.vmap(functools.partial(chain.poses, self._dynamics.chain))(positions)
 
     def _move(
-        self, state: ArmState, pose: Pose, phase: jax.Array, fingers: jax.Array
+        self, state: ArmState, pose: Pose, phase: jax.Array
     ) -> tuple[ArmState, Pose, hands.SolidSteps]:
         """Returns state and pose after the physics of a sim step, and the motion of solids in it.
 
@@ -182,20 +188,19 @@ class ArmBatch:
             state: state of the arms.
             pose: their pose.
             phase: sim steps since the last solution.
-            fingers: commands of the fingers (n, 2) [m].
         """
 
         def part(moving, count):
             state, pose = moving
             fraction = (count + 1.0) / self._parts
-            state, _, solids = self._part(state, pose, phase + fraction, fingers)
+            state, _, solids = self._part(state, pose, phase + fraction)
             return (state, self._poses(state.positions)), solids
 
         (state, pose), solids = jax.lax.scan(part, (state, pose), jnp.arange(self._parts))
         return state, pose, solids
 
     def _part(
-        self, state: ArmState, pose: Pose, phase: jax.Array, fingers: jax.Array
+        self, state: ArmState, pose: Pose, phase: jax.Array
     ) -> tuple[ArmState, jax.Array, hands.SolidSteps]:
         """Returns the state after a physics step, the arms' inertia, and the motion of solids.
 
@@ -203,11 +208,10 @@ class ArmBatch:
             state: state of the arms.
             pose: their pose.
             phase: sim steps from the last solution to the end of the physics step.
-            fingers: commands of the fingers (n, 2) [m].
         """
         arm, arms, way = self._dynamics, self.kinematics, phase / SOLVE_EVERY
         command = (1.0 - way) * state.start + way * state.goal
-        command = jnp.concatenate([command, fingers], axis=1)
+        command = jnp.concatenate([command, state.fingers], axis=1)
         positions, speeds, inertia = jax.vmap(functools.partial(dynamics.step, arm))(
             pose, state.positions, state.speeds, command
         )
@@ -221,3 +225,9 @@ class ArmBatch:
         tools = inverse_kinematics.hands(self.kinematics, self._dynamics.chain, pose, state.speeds)
         joints, fingers = jnp.split(state.positions, [self._joints], axis=1)
         return *tools, fingers.sum(-1), joints
+
+
+def kinds_of(arms: cpu.Arms) -> tuple[str, str]:
+    """Returns the names of grasp and action of arms."""
+    _, grasp, *action = arms.name.split("/")
+    return grasp, (*action, PositionAction.name)[0]

@@ -43,9 +43,9 @@ class SolidSteps(NamedTuple):
     accelerations: jax.Array
 
 
-def solids_of(arm: Arm) -> Solids:
-    """Returns the solids of an arm's hand."""
-    model, geoms = models.solid_model(arm)
+def solids_of(arm: Arm, grasp: str) -> Solids:
+    """Returns the solids of an arm's hand for a grasp of `GRASPS`."""
+    model, geoms = models.solid_model(arm, grasp)
     names = [model.geom(geom).name.split("/")[-1] for geom in geoms]
     return Solids(
         np.isin(names, arm.pad_geoms),

@@ -8,6 +8,7 @@ from dm_control import mjcf
 
 from softgym_mj.entities.flex import GRIPPER_CONTACT
 from softgym_mj.robots.arm import bodies
+from softgym_mj.robots.arm.grasps import GRASPS
 from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.arm.mounts import Mount
 
@@ -41,17 +42,18 @@ def dynamic_model(arm: Arm, timestep: float) -> tuple[mujoco.MjModel, np.ndarray
 
 
 @functools.lru_cache(maxsize=bodies.KEPT)
-def solid_model(arm: Arm) -> tuple[mujoco.MjModel, list[int]]:
+def solid_model(arm: Arm, grasp: str) -> tuple[mujoco.MjModel, list[int]]:
     """Returns the model of an arm with its geoms, and the ids of those that push, ascending.
 
-    Its bodies are those of `dynamic_model`. Nobody may change it.
+    Its bodies are those of `dynamic_model`; pads are those of a grasp of `GRASPS`. Nobody may
+    change it.
     """
-    root = _root(arm)
+    root = _root(arm, GRASPS[grasp].least_pad)
     model = mujoco.MjModel.from_xml_string(root.to_xml_string(), assets=root.get_assets())
     return model, np.flatnonzero(model.geom_contype == GRIPPER_CONTACT).tolist()
 
 
-def _root(arm: Arm) -> mjcf.RootElement:
+def _root(arm: Arm, least_pad: tuple[float, float] = (0.0, 0.0)) -> mjcf.RootElement:
     root = mjcf.RootElement(model="arms")
-    bodies.add_arms(root, arm, [at_origin(arm)])
+    bodies.add_arms(root, arm, [at_origin(arm)], least_pad=least_pad)
     return root

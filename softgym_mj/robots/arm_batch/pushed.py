@@ -40,7 +40,8 @@ class Hands(NamedTuple):
     Attributes:
         points: tool points (num_envs, n, 3) [m].
         velocities: their velocities (num_envs, n, 3) [m/s].
-        fingers: positions of the fingers (num_envs, n, 2) [m].
+        fingers, commands: positions of the fingers and their commands in the last step
+            (num_envs, n, 2) [m].
         solids: motion of the solids without the object; arrays begin with (num_envs, n, k).
         jacobians: as in `SolidMotion` (num_envs, n, k, 6, m + 2).
     """
@@ -48,6 +49,7 @@ class Hands(NamedTuple):
     points: jax.Array
     velocities: jax.Array
     fingers: jax.Array
+    commands: jax.Array
     solids: hands.SolidSteps
     jacobians: jax.Array
 
@@ -78,9 +80,9 @@ class PushedArms(ArmBatch):
         is_pad: whether each solid of a hand is a pad (k,).
     """
 
-    def __init__(self, arm: Arm, mounts: Sequence[Mount], action: str):
-        """Prepares arms of a kind on mounts, with an action of `LEADS`."""
-        super().__init__(arm, mounts, SIM_STEP, action)
+    def __init__(self, arm: Arm, mounts: Sequence[Mount], grasp: str, action: str):
+        """Prepares arms of a kind on mounts, with a grasp of `GRASPS` and an action of `LEADS`."""
+        super().__init__(arm, mounts, SIM_STEP, action, grasp)
         self.is_pad = self._solids.is_pad
         self.solve = jax.jit(jax.vmap(self._solved))
         self.step_alone = jax.jit(jax.vmap(self._alone, (0, 0, 0, None)))
@@ -114,10 +116,11 @@ class PushedArms(ArmBatch):
         Returns:
             State after the step without its push, this push but for the impulses, and the hands.
         """
-        arm, (entries, command) = self._dynamics, self._split(action)
+        arm, (entries, closed) = self._dynamics, self._split(action)
         state = self._lead(_pushed(state, push), entries, phase > 0)
-        pose = self._poses(state.positions)
-        later, inertia, solids = self._part(state, pose, phase + 1.0, command)
+        pose, before = self._poses(state.positions), state.fingers
+        state = self._gripped(state, closed)
+        later, inertia, solids = self._part(state, pose, phase + 1.0)
         jacobians = jax.vmap(functools.partial(hands.jacobians, arm, self._solids))(
             pose, self.kinematics.yaw
         )
@@ -129,7 +132,7 @@ class PushedArms(ArmBatch):
             self.kinematics, arm.chain, pose, state.speeds
         )
         fingers = state.positions[:, self._joints :]
-        return later, found, Hands(points, velocities, fingers, solids, jacobians)
+        return later, found, Hands(points, velocities, fingers, before, solids, jacobians)
 
     def _finished(self, state: ArmState, push: Push) -> tuple[ArmState, Ended]:
         """Ends the last sim step of an env step with its push."""

@@ -24,6 +24,7 @@ class ArmState(NamedTuple):
         start, goal: commands of the servos at the last solution and at the next (num_envs, n, m)
             [rad].
         filter: command filter; arrays (num_envs, n, 3), or of commanded joints (num_envs, n m, 1).
+        fingers: commands of the fingers (num_envs, n, 2) [m].
         leader: tool points of the reference (num_envs, n, 3) [m].
         limits: lowest and highest commanded point (num_envs, 2, 3) [m].
         failures: number of solutions that were not found (num_envs,).
@@ -38,6 +39,7 @@ class ArmState(NamedTuple):
     start: jax.Array
     goal: jax.Array
     filter: commands.Filter
+    fingers: jax.Array
     leader: jax.Array
     limits: jax.Array
     failures: jax.Array
@@ -75,6 +77,7 @@ def read_state(arms: Arms) -> dict[str, np.ndarray]:
         **filtered("filter", ""),
         **filtered("turns", _TURNS),
         **({"oriented": state["oriented"]} if "oriented" in state else {}),
+        "fingers": data.ctrl[fingers.motors],
         "leader": arms.controller.points(),
         "limits": np.array(arms.limits),
         "failures": state["failures"].astype(np.int32),

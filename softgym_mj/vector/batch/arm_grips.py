@@ -1,4 +1,4 @@
-"""`ArmGrips`: the rules of `AttachGrasp` for the hands of a batch of environments."""
+"""`AttachGrips` and `FrictionGrips`: the rules of grasps for the hands of a batch."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -6,15 +6,15 @@ from typing import Any
 
 from softgym_mj.metrics import Array, lengths
 from softgym_mj.robots.arm.fingers import OUT_OF_THE_WAY
-from softgym_mj.robots.arm.grasps import DRAW_SPEED, PICK_DISTANCE
+from softgym_mj.robots.arm.grasps import DRAW_SPEED, PICK_DISTANCE, PRESSING
 from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.base import SIM_STEP
-from softgym_mj.robots.grip import GripCommand, GripLimits
+from softgym_mj.robots.grip import NONE, GripCommand, GripLimits
 from softgym_mj.vector.batch.pickers import PickerBatch
 
 
-class ArmGrips(PickerBatch):
-    """The rules of `AttachGrasp`: vertices attached to tool points, and pads that push."""
+class HandGrips(PickerBatch):
+    """Grips of hands, and whether their pads push the object."""
 
     def __init__(self, state: dict[str, Any], xp: Any, hands: Mapping[str, Array], arm: Arm):
         """Configures the hands.
@@ -32,16 +32,24 @@ class ArmGrips(PickerBatch):
         closed = self._hands["closed"]
         closed[...] = actions.reshape((*closed.shape, -1))[..., -1] > 0.0
 
+    def _clear(self, offsets: Callable[[Array], Array], present: Array) -> Array:
+        """Returns which hands are open and clear of the object, as `Fingers.clear`."""
+        xp, hands = self._xp, self._hands
+        distances = xp.where(present[:, None], lengths(offsets(hands["points"])), math.inf)
+        opened = xp.min(hands["fingers"], axis=-1) > sum(self._arm.finger_range) / 2
+        return opened & (xp.min(distances, axis=-1) > OUT_OF_THE_WAY)
+
+
+class AttachGrips(HandGrips):
+    """The rules of `AttachGrasp`: vertices attached to tool points."""
+
     def plan(self, offsets: Callable[[Array], Array], present: Array) -> None:
-        xp, state, hands = self._xp, self._state, self._hands
-        tools, closed = hands["points"], hands["closed"]
+        xp, state, closed = self._xp, self._state, self._hands["closed"]
+        tools = self._hands["points"]
         state["center"] = xp.asarray(tools, copy=True)
         self._command = GripCommand(xp.zeros_like(tools), closed)
         super().plan(offsets, present)
-        distances = xp.where(present[:, None], lengths(offsets(tools)), math.inf)
-        opened = xp.min(hands["fingers"], axis=-1) > sum(self._arm.finger_range) / 2
-        clear = opened & (xp.min(distances, axis=-1) > OUT_OF_THE_WAY)
-        state["solid"] = ~closed & (state["solid"] | clear)
+        state["solid"] = ~closed & (state["solid"] | self._clear(offsets, present))
         distances = xp.clip(lengths(state["offset"]), min=1e-9)
         drawn = xp.clip(1.0 - DRAW_SPEED * SIM_STEP / distances, min=0.0)
         moves = xp.any(state["held"] >= 0, axis=1)[:, None]
@@ -53,3 +61,33 @@ class ArmGrips(PickerBatch):
 
     def _ahead(self) -> Array:
         return self._hands["points"] + SIM_STEP * self._hands["velocities"]
+
+
+class FrictionGrips(HandGrips):
+    """The rules of `FrictionGrasp`: vertices that both pads of a hand press on."""
+
+    def plan(self, offsets: Callable[[Array], Array], present: Array) -> None:
+        xp, hands, solid = self._xp, self._hands, self._state["solid"]
+        opening = xp.min(hands["commands"], axis=-1) < self._arm.finger_range[1]
+        clear = self._clear(offsets, present)
+        self._state["solid"] = hands["closed"] | xp.where(~solid | opening, clear, solid)
+
+    def sense(self, tools: Array, offsets: Callable[[Array], Array], pushes: Array) -> None:
+        """Ends a sim step, outside of graphs.
+
+        Args:
+            tools: Tool points (num_envs, n, 3) [m].
+            offsets: As in `plan`.
+            pushes: `ClothBatchSolver.pushes` of the pads (num_envs, n, pads, vertices).
+        """
+        xp, state = self._xp, self._state
+        pinched = xp.all(pushes < -PRESSING, axis=2) & self._hands["closed"][..., None]
+        distances = xp.where(pinched, lengths(offsets(tools)), math.inf)
+        nearest = xp.argmin(distances, axis=-1)
+        before = state["held"]
+        index = xp.clip(before, min=0)[..., None]
+        stays = (before >= 0) & xp.take_along_axis(pinched, index, axis=-1)[..., 0]
+        found = xp.where(stays, before, xp.where(xp.any(pinched, axis=-1), nearest, NONE))
+        ended = xp.astype((before >= 0) & (found < 0), state["dropped"].dtype)
+        state["dropped"][...] = state["dropped"] + xp.sum(ended, axis=1)
+        state["held"][...] = found

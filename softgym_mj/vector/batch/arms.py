@@ -11,37 +11,37 @@ import numpy as np
 from softgym_mj.batch.solver import NOT_FINITE
 from softgym_mj.cloth.batch_solver import SolidMotion, describe
 from softgym_mj.entities.flex import GRIPPER_CONTACT
-from softgym_mj.exceptions import InvalidArgumentError, cpu_only
+from softgym_mj.exceptions import cpu_only
 from softgym_mj.metrics import Array, constant
 from softgym_mj.robots.arm import bodies
 from softgym_mj.robots.arm.arms import Arms
 from softgym_mj.robots.arm.joint_servos import SOLVE_EVERY
 from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.arm.mounts import Mount
-from softgym_mj.robots.arm.position_action import PositionAction
 from softgym_mj.robots.arm_batch import models
+from softgym_mj.robots.arm_batch.arms import kinds_of
 from softgym_mj.robots.arm_batch.pushed import Push, PushedArms
 from softgym_mj.robots.arm_batch.sharing import device_like, like, to_jax
 from softgym_mj.robots.arm_batch.state import control_state, packed, read_state, unpacked
 from softgym_mj.robots.base import SIM_STEP
+from softgym_mj.robots.grip import NONE
 from softgym_mj.tasks.shared.base import Task
-from softgym_mj.vector.batch.arm_grips import ArmGrips
+from softgym_mj.vector.batch.arm_grips import AttachGrips, FrictionGrips, HandGrips
 from softgym_mj.vector.batch.cloth import ClothBatch
 from softgym_mj.vector.batch.physics import Arrays
 
-ATTACH = "attach"  # The grasp that batches support.
 # State of grips in `Arms.get_state`.
 GRIPS = "center", "held", "offset", "dropped", "yielded", "order", "solid", "workspace"
 
 
 @functools.lru_cache(maxsize=4)
-def _arms_of(arm: Arm, mounts: tuple[Mount, ...], action: str) -> PushedArms:
+def _arms_of(arm: Arm, mounts: tuple[Mount, ...], grasp: str, action: str) -> PushedArms:
     """Returns arms whose functions are compiled once for all batches of a process."""
-    return PushedArms(arm, mounts, action)
+    return PushedArms(arm, mounts, grasp, action)
 
 
 class ArmClothBatch(ClothBatch):
-    """Batch physics of one flex that arms hold by attachment and push.
+    """Batch physics of one flex that arms hold and push.
 
     Sim steps of the arms, by JAX, alternate with those of the flex. State of the arms: "arms", with
     the arrays of `read_state` and those of `Ended`.
@@ -53,10 +53,6 @@ class ArmClothBatch(ClothBatch):
     def _check(self, task: Task) -> None:
         if not isinstance(task.actor, Arms):
             raise cpu_only(f"actor={task.actor.name!r}")
-        _, grasp, *_ = task.actor.name.split("/")
-        if grasp != ATTACH:
-            valid = f"{ATTACH!r} on 'host' and 'cuda'; device='cpu' has all"
-            raise InvalidArgumentError("grasp", grasp, valid)
         if task.physics_timestep != SIM_STEP:
             raise cpu_only(f"timestep={task.physics_timestep}")
         if task.action_repeat % SOLVE_EVERY:
@@ -65,17 +61,25 @@ class ArmClothBatch(ClothBatch):
     @functools.cached_property
     def _arms(self) -> PushedArms:
         with jax.default_device(self._jax_device):
-            action = (*self._actor.name.split("/")[2:], PositionAction.name)[0]
-            return _arms_of(self._actor.arm, self._actor.mounts, action)
+            return _arms_of(self._actor.arm, self._actor.mounts, *kinds_of(self._actor))
 
     def _solids(self) -> tuple[int, int]:
         return len(self._geoms), len(self._actor.arm.joints) + 2
 
-    def _grips(self, num_envs: int) -> ArmGrips:
+    @property
+    def _attaches(self) -> bool:
+        """Whether hands hold by attachment, not by friction."""
+        return kinds_of(self._actor)[0] == "attach"
+
+    @property
+    def _notes_pushes(self) -> bool:
+        return not self._attaches
+
+    def _grips(self, num_envs: int) -> HandGrips:
         xp, zeros, number = self._xp, self._device.zeros, self._actor.num_grippers
         (solids, dofs), lead = self._solids(), (num_envs, number)
         # Results of JAX in arrays that keep their addresses, for graphs.
-        sizes = {"points": 3, "velocities": 3, "fingers": 2}
+        sizes = {"points": 3, "velocities": 3, "fingers": 2, "commands": 2}
         self._hands = {name: zeros((*lead, size), "float64") for name, size in sizes.items()}
         self._hands["closed"] = zeros(lead, "bool")
         each = {
@@ -87,7 +91,8 @@ class ArmClothBatch(ClothBatch):
         }
         self._actions = zeros((num_envs, self._actor.action_size), "float64")
         self._count = 0  # Sim steps in this env step.
-        return ArmGrips(self.state, xp, self._hands, self._actor.arm)
+        kind = AttachGrips if self._attaches else FrictionGrips
+        return kind(self.state, xp, self._hands, self._actor.arm)
 
     # ------------------------------------------------------------------ the environment
 
@@ -100,12 +105,12 @@ class ArmClothBatch(ClothBatch):
     @property
     def _geoms(self) -> list[int]:
         """Ids of the hands' solids, ascending."""
-        alone, solids = models.solid_model(self._actor.arm)
+        alone, solids = models.solid_model(self._actor.arm, kinds_of(self._actor)[0])
         names, model = [_own(alone.geom(i).name) for i in solids], self._env.physics.model.ptr
         return [model.geom(prefix + name).id for prefix in self._names for name in names]
 
     def movers(self) -> list[int]:
-        alone, _ = models.solid_model(self._actor.arm)
+        alone, _ = models.solid_model(self._actor.arm, kinds_of(self._actor)[0])
         names = [_own(alone.body(i).name) for i in np.flatnonzero(alone.body_treeid >= 0)]
         model = self._env.physics.model.ptr
         return [model.body(prefix + name).id for prefix in self._names for name in names]
@@ -130,7 +135,8 @@ class ArmClothBatch(ClothBatch):
             "remembered": actor.remembered()[4 * actor.num_grippers :],
             "poses": np.concatenate([data.xpos[own], data.xquat[own]], axis=1),
         }
-        return {**{name: state[name] for name in GRIPS}, "arms": arms}
+        grips = {name: state[name] for name in GRIPS if name in state}
+        return {**grips, "arms": arms}
 
     def _actor_arrays(self) -> Arrays:
         data, servos = self._env.physics.data.ptr, self._actor.servos
@@ -143,6 +149,8 @@ class ArmClothBatch(ClothBatch):
             order = np.concatenate([joints.reshape(servos.number, -1), own], axis=1).ravel()
             assert np.array_equal(order, order[0] + np.arange(size)), "joints, then fingers"
             views[name] = array[order[0] : order[0] + size]
+        for i, (first, last) in enumerate(fingers.motors.tolist()):
+            views[f"fingers_{i}"] = data.ctrl[first : last + 1]
         return views
 
     # ------------------------------------------------------------------ environments
@@ -167,6 +175,8 @@ class ArmClothBatch(ClothBatch):
         solids["responses"] = self._push.responses
         for into, arrays in ((self._hands, hands._asdict()), (self._moved, solids)):
             self._put(into, {name: arrays[name] for name in into if name in arrays})
+        if self._count > 0:
+            self._sense(self._hands["points"])
         # JAX and PyTorch queue work separately and wait for each other where arrays are shared.
         # The last results may be overwritten only now that such a wait has been queued.
         self._results = hands
@@ -177,6 +187,8 @@ class ArmClothBatch(ClothBatch):
             state, ended = self._arms.finish(self._now, self._pushed())
         self._put(self.state["arms"], {**unpacked(state), **ended._asdict()})
         self._results, self._count = (state, ended), 0
+        points = self.state["arms"]["sensed"][:, : 3 * self._actor.num_grippers]
+        self._sense(points.reshape((len(points), -1, 3)))
         unknown = ~self._xp.isfinite(self.state["arms"]["sensed"]).all(-1)
         self.flags[...] = self.flags | self._xp.astype(unknown, self.flags.dtype) * NOT_FINITE
 
@@ -205,11 +217,31 @@ class ArmClothBatch(ClothBatch):
             whole = into[name]
             whole[...] = like(whole, array).reshape(whole.shape)
 
+    def _sense(self, tools: Array) -> None:
+        """Ends a sim step with tool points (num_envs, n, 3) [m]."""
+        grips, room = self._pickers, self.state["present"].shape[1]
+        if not isinstance(grips, FrictionGrips):
+            return
+        pushes = self._solver.pushes[..., :room]
+        each = pushes.reshape((len(pushes), self._actor.num_grippers, -1, room))
+        pads = np.flatnonzero(self._arms.is_pad).tolist()
+        pushed = self._xp.stack([each[:, :, pad] for pad in pads], axis=2)
+        grips.sense(tools, self._offsets, pushed)
+
+    def sim_step(self) -> None:
+        if self._attaches:
+            super().sim_step()
+            return
+        self._pickers.plan(self._offsets, self.state["present"])
+        self._step(self._xp.zeros_like(self.state["center"]))
+
     def _step(self, goals: Array) -> None:
         solid = self.state["solid"][..., None]
         touching = solid | ~constant(self._arms.is_pad, solid)
         motion = SolidMotion(touching=touching.reshape((len(solid), -1)), **self._moved)
-        self._solver.step(self.state["center"], self.state["held"], goals, motion)
+        held = self.state["held"]
+        held = held if self._attaches else self._xp.full_like(held, NONE)
+        self._solver.step(self.state["center"], held, goals, motion)
 
     # ------------------------------------------------------------------ what is seen
 
@@ -231,8 +263,9 @@ class ArmClothBatch(ClothBatch):
     def get_state(self, i: int) -> tuple[Arrays, Arrays]:
         get, state = self._device.get, self.state
         own = {name: get(array[i]) for name, array in state["arms"].items()}
-        grips = {name: get(state[name][i]) for name in GRIPS}
+        grips = {name: get(state[name][i]) for name in GRIPS if name in state}
         arms = {"arm_qpos": own["positions"].ravel(), "arm_qvel": own["speeds"].ravel()}
+        arms |= {f"fingers_{k}": commands for k, commands in enumerate(own["fingers"])}
         return {**self._solver.get_state(i), **arms}, {**grips, **control_state(packed(own))}
 
 

@@ -52,7 +52,7 @@ class ClothBatch(BatchPhysics):
         self._name = next(iter(task.scene.materials))
         self._device, self._xp = device, device.xp
         sizes = num_envs, task.max_points, task.actor.num_grippers, device
-        self._solver = ClothBatchSolver(*sizes, *self._solids())
+        self._solver = ClothBatchSolver(*sizes, *self._solids(), self._notes_pushes)
         self.flags, self.state = self._solver.flags, self._solver.rows()
         self._pickers: PickerBatch = self._grips(num_envs)
         # Path lengths (`Ways.all`) of all meshes so far, the first index of each mesh, and the
@@ -69,6 +69,11 @@ class ClothBatch(BatchPhysics):
     def _solids(self) -> tuple[int, int]:
         """Returns `solids` and `dofs` of `ClothBatchSolver`."""
         return 0, 0
+
+    @property
+    def _notes_pushes(self) -> bool:
+        """Whether `ClothBatchSolver.pushes` are needed."""
+        return False
 
     def _grips(self, num_envs: int) -> PickerBatch:
         actor, device = self._actor, self._device
