@@ -7,7 +7,6 @@ number of stacked frames.
 import io
 import json
 import os
-import pathlib
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -66,10 +65,10 @@ def observes(file: str) -> dict[str, Any]:
     """Returns the task arguments that give a saved policy its observation; empty if unknown.
 
     They are `observation`, and `image_size` with images, from the policy's file, as `softgym-mj
-    train` writes it, or from the card of the same name with the suffix .json. No code is run.
+    train` writes it. No code is run.
 
     Raises:
-        InvalidArgumentError: for a note or a card that is not JSON of this form.
+        InvalidArgumentError: for a note that is not JSON of this form.
     """
     return {name: value for name, value in _note(file).items() if name != "frames"}
 
@@ -82,25 +81,19 @@ def has_images(observation: str | Sequence[str]) -> bool:
 
 def _note(name: str) -> dict[str, Any]:
     """Returns the arguments of `observes` and `frames`; empty for files without a note."""
-    file = pathlib.Path(name)
-    card = file.with_suffix(".json")
-    if not name.endswith(SUFFIX) or not os.path.isfile(file):  # False for impossible names.
-        return {}
+    if not name.endswith(SUFFIX) or not os.path.isfile(name) or not zipfile.is_zipfile(name):
+        return {}  # `isfile` is false for impossible names.
     try:
-        result: Any = None
-        if zipfile.is_zipfile(file):
-            with zipfile.ZipFile(file) as archive:
-                notes = [each for each in archive.namelist() if each.endswith(f"/extra/{NOTE}")]
-                result = json.loads(archive.read(notes[0])) if notes else None
-        if result is None and os.path.isfile(card):
-            result = json.loads(read_whole(card)).get("training")
-        if result is None:
-            return {}
+        with zipfile.ZipFile(name) as archive:
+            notes = [each for each in archive.namelist() if each.endswith(f"/extra/{NOTE}")]
+            if not notes:
+                return {}
+            result = json.loads(archive.read(notes[0]))
         observation, frames = result["observation"], int(result.get("frames", 1))
         seen = observation if isinstance(observation, str) else [*map(str, observation)]
         sized = {"image_size": [*result["image_size"]]} if has_images(seen) else {}
     except (ValueError, LookupError, TypeError, AttributeError, zipfile.BadZipFile) as error:
-        message = f"policy={name!r}: its observation cannot be read from it or {card}: {error!r}"
+        message = f"policy={name!r}: its observation cannot be read: {error!r}"
         raise InvalidArgumentError(message) from error
     return {"observation": seen, **sized, "frames": frames}
 
@@ -137,8 +130,8 @@ def load_exported(file: str, env: Environment, trust: bool) -> Policy:
                 )
                 raise InvalidArgumentError(
                     f"policy={file!r} does not take {shown}: {error}; choose another "
-                    "observation, put its card (.json) next to it, or export it with an example of "
-                    "this shape and type: torch.export.export(module, (torch.zeros(...),))"
+                    "observation, or export it with an example of this shape and type: "
+                    "torch.export.export(module, (torch.zeros(...),))"
                 ) from error
         action = np.asarray(action, float).reshape(-1)
         if action.shape != (size,):

@@ -2,6 +2,7 @@
 
 import json
 import pathlib
+import zipfile
 
 import numpy as np
 import pytest
@@ -172,23 +173,20 @@ def test_what_is_no_file(kind, env, tmp_path):
         sha256(name, 0)
 
 
-def _noted(folder, where, observation):
-    """Writes a policy whose file, or a card beside it, names what it observes."""
+def _noted(folder, observation):
+    """Writes a policy whose file names what it observes."""
     import torch
 
     module = torch.nn.Linear(ROPE + 8, 8)
     program = torch.export.export(module, (torch.zeros(1, ROPE + 8),))
     note = {"observation": observation, "image_size": [8, 8]}
-    extra = {NOTE: json.dumps(note)} if where == "file" else {}
+    extra = {NOTE: json.dumps(note)}
     torch.export.save(program, folder / "policy_3.pt2", extra_files=extra)
-    if where == "card":
-        (folder / "policy_3.json").write_text(json.dumps({"training": note}))
     return str(folder / "policy_{seed}.pt2")
 
 
-@pytest.mark.parametrize("where", ["file", "card"])
-def test_a_policy_observes_what_its_file_names(env, tmp_path, where):
-    name = _noted(tmp_path, where, "markov")
+def test_a_policy_observes_what_its_file_names(env, tmp_path):
+    name = _noted(tmp_path, "markov")
     configuration = Configuration("straighten_rope", name, (800,), (3,), SHORT)
     assert configuration.settings == {**SHORT, "observation": "markov"}
     given = Configuration("straighten_rope", name, (800,), (3,), configuration.settings)
@@ -203,12 +201,13 @@ def test_a_policy_observes_what_its_file_names(env, tmp_path, where):
 
 
 def test_policies_of_images_name_their_size_and_others_nothing(tmp_path):
-    name = _noted(tmp_path, "file", "rgb")
+    name = _noted(tmp_path, "rgb")
     none = name.format(seed=4)
     assert observes(name.format(seed=3)) == {"observation": "rgb", "image_size": [8, 8]}
     assert observes(none) == observes("scripted") == {}  # There is no such file.
     exported(tmp_path / "policy_4.pt2")
     assert observes(none) == {}
-    (tmp_path / "policy_4.json").write_text('{"training": {}}')
+    with zipfile.ZipFile(none, "a") as archive:
+        archive.writestr(f"archive/extra/{NOTE}", "{}")
     with pytest.raises(InvalidArgumentError, match="its observation cannot be read"):
         observes(none)
