@@ -12,7 +12,7 @@ import softgym_mj
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError, UnavailableError
 from softgym_mj.policies.experts import make_policy
-from softgym_mj.rendering.observables import LABELS
+from softgym_mj.rendering.observables import LABELS, WRIST_RGB
 from softgym_mj.robots.gripper import MAX_DISPLACEMENT
 from softgym_mj.vector.base import VectorEnv
 from softgym_mj.vector.batch.backend import BatchBackend
@@ -122,6 +122,8 @@ def test_images_show_arms_as_in_environments(actor):
     for _ in range(2):
         seen, alone = envs.step(np.stack([action] * 3))[0], env.step(action)[0]
     check_images({name: array[1] for name, array in seen.items()}, alone, color=5.0)
+    wrists = seen[WRIST_RGB][1].astype(float), alone[WRIST_RGB]
+    assert np.abs(np.subtract(*wrists)).mean() < 7.0
     assert (alone["segmentation"] == LABELS.index("actor")).mean() > 0.1
     envs.close()
     env.close()

@@ -197,7 +197,7 @@ inline void DrawEnvironment(const Batch& b, long long i, long long slot) {
   if (b.what == kColors) DrawShadows(c);
   const long long pixels = b.height * b.width;
   for (int e = 0; e < s.num_eyes; ++e) {
-    const Eye& eye = s.At<Eye>(s.eyes)[e];
+    const Eye eye = Placed(c, s.At<Eye>(s.eyes)[e]);
     Project(c, eye);
     const int samples = c.width * c.height;
     if (NumOpaque(s)) Clear(c, c.nearest);

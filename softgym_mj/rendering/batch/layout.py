@@ -17,7 +17,9 @@ LIGHT = np.dtype(
     [("direction", "f4", 3), ("diffuse", "f4", 3), ("ambient", "f4", 3), ("specular", "f4", 3),
      ("has_shadow", "i4")]
 )  # fmt: skip
-EYE = np.dtype([("position", "f4", 3), ("rotation", "f4", (3, 3)), ("slope", "f4")])
+EYE = np.dtype(
+    [("mover", "i4"), ("position", "f4", 3), ("rotation", "f4", (3, 3)), ("slope", "f4")]
+)
 TEXTURE = np.dtype(
     [("texels", "u8"), ("width", "i4"), ("height", "i4"), ("levels", "i4"), ("unused", "i4")]
 )

@@ -54,6 +54,7 @@ struct Light {
 };
 
 struct Eye {
+  int mover;                              // That it moves with, or -1 if fixed.
   float position[3], rotation[9], slope;  // `slope`: of the upper edge of the image.
 };
 
@@ -169,6 +170,18 @@ inline Pose PoseOf(const Canvas& c, int mover) {
        2 * (y * z - w * x), 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)},
       0,
       true};
+}
+
+// An eye in the world.
+inline Eye Placed(const Canvas& c, const Eye& eye) {
+  if (eye.mover < 0) return eye;
+  const Pose pose = PoseOf(c, eye.mover);
+  const Point position = pose.position + Turned(pose.rotation, At(eye.position));
+  Eye placed = {-1, {position.x, position.y, position.z}, {}, eye.slope};
+  for (int k = 0; k < 9; ++k) {
+    for (int n = 0; n < 3; ++n) placed.rotation[k] += pose.rotation[k / 3 * 3 + n] * eye.rotation[3 * n + k % 3];
+  }
+  return placed;
 }
 
 inline int NumOpaque(const Scene& s) { return s.num_triangles + s.part_triangles; }

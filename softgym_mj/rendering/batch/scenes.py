@@ -11,7 +11,7 @@ from softgym_mj.rendering.batch.deformables import add_deformable
 from softgym_mj.rendering.batch.layout import ARRAYS, EYE, LIGHT, SCENE, TEXTURE
 from softgym_mj.rendering.batch.materials import depth_of, levels_of, sky_of
 from softgym_mj.rendering.batch.rigid import add_rigids
-from softgym_mj.rendering.batch.solids import marks_of, solids_of
+from softgym_mj.rendering.batch.solids import marks_of, on_mover, solids_of
 from softgym_mj.rendering.look import FAST, look_of
 from softgym_mj.rendering.offscreen import camera_ids
 
@@ -66,7 +66,7 @@ def describe(
         [arrays["triangles"], rigid_faces + int(scene["num_vertices"])]
     ).astype("i4")
     arrays["lights"] = _lights(model, data)
-    arrays["eyes"] = _eyes(model, data, cameras)
+    arrays["eyes"] = _eyes(model, data, cameras, movers)
     arrays["sky"] = sky_of(model)
     headlight = model.vis.headlight
     scene["ambient"], scene["headlight"] = headlight.ambient, headlight.diffuse
@@ -106,10 +106,17 @@ def _lights(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
     return np.array(rows, LIGHT)
 
 
-def _eyes(model: mujoco.MjModel, data: mujoco.MjData, cameras: Sequence[str]) -> np.ndarray:
+def _eyes(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    cameras: Sequence[str],
+    movers: Mapping[int, int],
+) -> np.ndarray:
     rows, ids = [], camera_ids(model)
     for name in cameras:
         i = ids[name]
+        pose = data.cam_xpos[i], data.cam_xmat[i].reshape(3, 3)
+        mover, (position, rotation) = on_mover(model, data, movers, model.cam_bodyid[i], pose)
         slope = np.tan(np.radians(model.cam_fovy[i]) / 2.0)
-        rows.append((data.cam_xpos[i], data.cam_xmat[i].reshape(3, 3), slope))
+        rows.append((mover, position, rotation, slope))
     return np.array(rows, EYE)

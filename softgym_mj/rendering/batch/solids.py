@@ -43,14 +43,8 @@ def solids_of(
     opaque: list[Rigid] = []
     glasses: list[Rigid] = []
     for geom in shown.tolist():
-        body = int(model.geom_bodyid[geom])
-        while body and body not in movers:
-            body = int(model.body_parentid[body])
-        mover = movers.get(body, -1)
-        position, rotation = data.geom_xpos[geom], data.geom_xmat[geom].reshape(3, 3)
-        if mover >= 0:
-            turn = data.xmat[body].reshape(3, 3)
-            position, rotation = turn.T @ (position - data.xpos[body]), turn.T @ rotation
+        pose = data.geom_xpos[geom], data.geom_xmat[geom].reshape(3, 3)
+        mover, (position, rotation) = on_mover(model, data, movers, model.geom_bodyid[geom], pose)
         material = material_of(model, model.geom_matid[geom], model.geom_rgba[geom], textures)
         if is_solid[geom]:
             shape = _SHAPES.index(int(model.geom_type[geom]))
@@ -67,6 +61,30 @@ def solids_of(
     if len(solids) > _MOST_SOLIDS:
         raise InvalidArgumentError("geoms", len(solids), f"at most {_MOST_SOLIDS} to draw")
     return np.array([flat(solid) for solid in solids], SOLID), opaque, glasses
+
+
+def on_mover(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    movers: Mapping[int, int],
+    body: int,
+    pose: tuple[np.ndarray, np.ndarray],
+) -> tuple[int, tuple[np.ndarray, np.ndarray]]:
+    """Returns the mover of a body, or -1, and a pose relative to it instead of the world.
+
+    Args:
+        model, data: Scene.
+        movers: Mover index by body.
+        body: The body.
+        pose: Position (3,) [m] and rotation (3, 3).
+    """
+    while body and body not in movers:
+        body = int(model.body_parentid[body])
+    mover, (position, rotation) = movers.get(int(body), -1), pose
+    if mover < 0:
+        return mover, pose
+    turn = data.xmat[body].reshape(3, 3)
+    return mover, (turn.T @ (position - data.xpos[body]), turn.T @ rotation)
 
 
 def marks_of(model: mujoco.MjModel, data: mujoco.MjData) -> list[Rigid]:

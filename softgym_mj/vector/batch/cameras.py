@@ -10,7 +10,7 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import cpu_only
 from softgym_mj.metrics import Array
 from softgym_mj.rendering.batch import Described, Pictures, describe
-from softgym_mj.rendering.observables import EXTERNAL, EXTERNAL_RGB
+from softgym_mj.rendering.observables import EXTERNAL, EXTERNAL_RGB, WRIST_RGB
 from softgym_mj.vector.batch.physics import Arrays, BatchPhysics
 
 
@@ -28,6 +28,7 @@ IMAGES = {
     "segmentation": _Image(("task",), False, "labels"),
     EXTERNAL_RGB: _Image(EXTERNAL, True, "colors"),
     "external_depth": _Image(EXTERNAL, True, "distances"),
+    WRIST_RGB: _Image((), True, "colors"),  # By the cameras of the actor.
 }
 _FAULTS = "sensor_"  # Prefix of domain parameters that degrade rendered images.
 
@@ -60,11 +61,14 @@ class Cameras:
         Raises:
             InvalidArgumentError: If sensor faults vary, which batches do not support.
         """
-        self._images = {name: IMAGES[name] for name in names if name in IMAGES}
-        self.observed = tuple(self._images)
         self._xp, task = device.xp, env.task
+        self._images = {name: IMAGES[name] for name in names if name in IMAGES}
+        if WRIST_RGB in self._images:
+            self._images[WRIST_RGB] = IMAGES[WRIST_RGB]._replace(cameras=task.actor.wrists)
+        self.observed = tuple(self._images)
         wanted = {camera for image in self._images.values() for camera in image.cameras}
-        self.names = tuple(camera for camera in ("task", *EXTERNAL) if camera in wanted)
+        every = "task", *EXTERNAL, *task.actor.wrists
+        self.names = tuple(camera for camera in every if camera in wanted)
         if not self._images:
             return
         faults = [name for name in task.domain.varying if name.startswith(_FAULTS)]
