@@ -110,29 +110,6 @@ inline Lanes Pick(const float* p, const int* index) {
                         p[index[7]]);
 }
 
-// Lanes of each of the 256 sets of lanes, in order, computed at compile time because code for AVX2 must not run when
-// the library is loaded.
-struct CompressTable {
-  alignas(32) int lanes[256][kLanes];
-  constexpr CompressTable() : lanes() {
-    for (int bits = 0; bits < 256; ++bits) {
-      int n = 0;
-      for (int lane = 0; lane < kLanes; ++lane) {
-        if (bits >> lane & 1) lanes[bits][n++] = lane;
-      }
-    }
-  }
-};
-constexpr CompressTable kCompress;
-
-// Writes first + lane for every set bit, in order, and returns their number. `out` must have room for eight numbers. A
-// loop over the bits mispredicts its end, and a step of water took twice as long.
-inline int Compress(int first, unsigned bits, int* out) {
-  const __m256i lanes = _mm256_load_si256(reinterpret_cast<const __m256i*>(kCompress.lanes[bits]));
-  _mm256_storeu_si256(reinterpret_cast<__m256i*>(out), _mm256_add_epi32(lanes, _mm256_set1_epi32(first)));
-  return __builtin_popcount(bits);
-}
-
 #elif defined(__CUDACC__)
 
 // Eight consecutive threads have a lane each and run in lockstep.
@@ -186,10 +163,6 @@ inline void Scatter4(float* p, const int* index, Lanes x, Lanes y, Lanes z, Lane
   *reinterpret_cast<float4*>(p + 4 * index[Lane()]) = make_float4(x.v, y.v, z.v, w.v);
 }
 inline Lanes Pick(const float* p, const int* index) { return Lanes(p[index[Lane()]]); }
-inline int Compress(int first, unsigned bits, int* out) {
-  if (bits >> Lane() & 1u) out[__popc(bits & ((1u << Lane()) - 1u))] = first + Lane();
-  return __popc(bits);
-}
 
 #else
 
@@ -302,11 +275,6 @@ inline void Scatter4(float* p, const int* index, Lanes x, Lanes y, Lanes z, Lane
 }
 inline Lanes Pick(const float* p, const int* index) {
   return ByLane([&](int i) { return p[index[i]]; });
-}
-inline int Compress(int first, unsigned bits, int* out) {
-  int n = 0;
-  for (; bits; bits &= bits - 1) out[n++] = first + __builtin_ctz(bits);
-  return n;
 }
 
 #endif  // SGM_AVX2

@@ -48,6 +48,12 @@ struct Grid {
   const int* start;  // First particle of each cell, nx * ny * nz + 1 entries.
 };
 
+// Scratch memory: copies of particles in and around a cell, with room for all and two vectors more.
+struct Candidates {
+  float *x, *y, *z;
+  int* index;
+};
+
 // Neighbors of particle i are index[begin[i]] .. index[end[i]], padded to whole vectors.
 struct Neighbors {
   int* begin;
@@ -58,6 +64,7 @@ struct Neighbors {
   bool* too_many;  // Set if one has more.
   float* e;        // Three arrays of `stride` floats: e_ij by component.
   long stride;
+  Candidates candidates;
 };
 
 // Particles near one wall, padded, and intermediate results of the kernels.

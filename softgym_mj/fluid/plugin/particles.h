@@ -75,22 +75,6 @@ inline int FindRanges(const Grid& grid, int cx, int cy, int cz, int* first, int*
   return ranges;
 }
 
-// Appends those of the particles first..last-1 that are nearer to particle i, at x y z, than the root of `limit` to
-// `length` others; returns how many there are then. It stops beyond `most`, and writes more for a moment.
-inline int ListRange(const Particles& p, int i, const Vec3<Lanes>& x, Lanes limit, int first, int last, int most,
-                     int length, int* index) {
-  for (int k = first; k < last && length <= most; k += kLanes) {
-    const Lanes dx = Lanes::Load(p.x + k) - x.x, dy = Lanes::Load(p.y + k) - x.y, dz = Lanes::Load(p.z + k) - x.z;
-    const Lanes squared = dx * dx + dy * dy + dz * dz;
-    unsigned hits = Bits(Less(squared, limit));
-    if (last - k < kLanes) hits &= (1u << (last - k)) - 1u;
-    const unsigned self = static_cast<unsigned>(i - k);
-    if (self < static_cast<unsigned>(kLanes)) hits &= ~(1u << self);
-    length += Compress(k, hits, index + length);
-  }
-  return length;
-}
-
 // Interaction of a particle with others: parts of the kernel, and e_ij.
 struct Nearness {
   Lanes q, s, s2;

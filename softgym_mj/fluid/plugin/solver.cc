@@ -110,6 +110,9 @@ void Solver::Prepare(const FluidConfig& config, double h, const double* position
   spare_order_.Reserve(n);
   neighbors_.begin = begin_.Reserve(n);
   neighbors_.end = neighbors_.begin + 1;
+  const size_t room = n + kLanes;
+  float* x = candidates_.Reserve(3 * room);
+  neighbors_.candidates = {x, x + room, x + 2 * room, candidate_index_.Reserve(room)};
   p_.pressure[count_] = 0;
 }
 
