@@ -8,6 +8,9 @@
 namespace softgym_mj {
 namespace {
 
+// The first `count` lanes, or all, as bits.
+inline unsigned FirstBits(int count) { return (1u << (count < kLanes ? count : kLanes)) - 1u; }
+
 #ifdef SGM_AVX2
 
 // Whether each of eight numbers differs from `a`.

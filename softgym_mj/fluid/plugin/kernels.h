@@ -91,6 +91,9 @@ struct Kernels {
   // Writes the change of velocity by viscosity (a factor of the weighted differences to the neighbors) into
   // `correction`.
   void (*Smooth)(const FluidConstants&, const Particles&, const Neighbors&, float viscosity);
+  // Lists the particles within `range` of a wall at its end pose, padded; returns the length of the list. `list` must
+  // have room for all and a vector more.
+  int (*FindNear)(const Particles&, const WallPairs&, float range, int* list);
   // Distance [m] of particles to a wall at its end pose.
   void (*FindDistance)(const WallPairs&, const float* position, float* distance);
   void (*FindWallShare)(const FluidConstants&, const Particles&, const WallPairs&);

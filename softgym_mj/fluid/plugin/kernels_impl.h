@@ -37,9 +37,7 @@ int FindCandidates(const Particles& p, const Grid& grid, int cx, int cy, int cz,
       const Lanes dx = excess(Lanes::Load(p.x + k), lows.x, highs.x),
                   dy = excess(Lanes::Load(p.y + k), lows.y, highs.y),
                   dz = excess(Lanes::Load(p.z + k), lows.z, highs.z);
-      const int rest = last[r] - k;
-      const Compression near(Bits(Less(dx * dx + dy * dy + dz * dz, limit)) &
-                             ((1u << (rest < kLanes ? rest : kLanes)) - 1u));
+      const Compression near(Bits(Less(dx * dx + dy * dy + dz * dz, limit)) & FirstBits(last[r] - k));
       near.Store(p.x + k, out.x + length);
       near.Store(p.y + k, out.y + length);
       near.Store(p.z + k, out.z + length);
@@ -119,6 +117,37 @@ void SmoothAll(const FluidConstants& constants, const Particles& particles, cons
   for (int i = 0; i < p.count; ++i) Smooth(fluid, p, neighbors, viscosity, i);
 }
 
+int FindNear(const Particles& p, const WallPairs& pairs, float range, int* list) {
+  const bool is_bounded = pairs.shape != Shape::kPlane;
+  Lanes low[3], high[3];
+  if (is_bounded) {
+    float half[3];
+    HalfExtents(pairs.shape, pairs.size, half);
+    for (int k = 0; k < 3; ++k) {
+      const float reach = ReachAlong(pairs.end, half, k, range);
+      low[k] = Lanes(pairs.end[k] - reach);
+      high[k] = Lanes(pairs.end[k] + reach);
+    }
+  }
+  int length = 0;
+  for (int i = 0; i < p.count; i += kLanes) {
+    const Vec3<Lanes> x = {Lanes::Load(p.x + i), Lanes::Load(p.y + i), Lanes::Load(p.z + i)};
+    unsigned near = FirstBits(p.count - i);
+    if (is_bounded) {
+      near &= Bits(Less(low[0], x.x) & Less(x.x, high[0]) & Less(low[1], x.y) & Less(x.y, high[1]) & Less(low[2], x.z) &
+                   Less(x.z, high[2]));
+      if (near == 0) continue;
+    }
+    Vec3<Lanes> normal;
+    const Lanes distance = Distance<Lanes>(pairs.shape, pairs.size, ToLocal(pairs.end, x), &normal);
+    const Compression chosen(near & Bits(Less(distance, Lanes(range))));
+    chosen.StoreFrom(i, list + length);
+    length += chosen.count;
+  }
+  for (; length % kLanes; ++length) list[length] = p.count;
+  return length;
+}
+
 void FindDistances(const WallPairs& pairs, const float* position, float* distance) {
   for (int k = 0; k < pairs.count; k += kLanes) FindDistance(pairs, position, distance, k);
 }
@@ -137,7 +166,7 @@ void CollideAll(const FluidConstants& constants, const Particles& p, const WallP
   for (int k = 0; k < pairs.count; k += kLanes) Collide(fluid, p, pairs, impulse, k);
 }
 
-constexpr Kernels kLoops = {FindNeighbors, FindPressure,   AddCorrections,   SmoothAll,
+constexpr Kernels kLoops = {FindNeighbors, FindPressure,   AddCorrections,   SmoothAll, FindNear,
                             FindDistances, FindWallShares, AddWallGradients, CollideAll};
 
 }  // namespace

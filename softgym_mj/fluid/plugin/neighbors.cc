@@ -138,42 +138,13 @@ void Solver::FindPairs() {
   long total = 0;
   for (int w = 0; w < num_walls; ++w) {
     const Wall& wall = (*walls_)[w];
-    const float* pose = &wall_end_[12 * w];
     WallPairs& pairs = pairs_[w];
     pairs.shape = wall.shape;
     pairs.size = wall.size;
     pairs.start = &wall_start_[12 * w];
-    pairs.end = pose;
-    int* list = particle + total;
-    int n = 0;
-    if (wall.shape == Shape::kPlane) {
-      for (; n < count_; ++n) list[n] = n;
-    } else {
-      float half[3], low[3], high[3];
-      HalfExtents(wall.shape, wall.size, half);
-      for (int k = 0; k < 3; ++k) {
-        const float reach = ReachAlong(pose, half, k, range);
-        low[k] = pose[k] - reach;
-        high[k] = pose[k] + reach;
-      }
-      const float *x = p_.x, *y = p_.y, *z = p_.z;
-      for (int i = 0; i < count_; ++i) {
-        list[n] = i;
-        n += (x[i] > low[0]) & (x[i] < high[0]) & (y[i] > low[1]) & (y[i] < high[1]) & (z[i] > low[2]) &
-             (z[i] < high[2]);
-      }
-    }
-    for (int k = n; k < RoundUp(n, kLanes); ++k) list[k] = count_;
-    pairs.particle = list;
-    pairs.count = RoundUp(n, kLanes);
-    kernels_->FindDistance(pairs, p_.position, distance_.get());
-    int near = 0;
-    for (int k = 0; k < n; ++k) {
-      list[near] = list[k];
-      near += distance_.get()[k] < range;
-    }
-    pairs.count = RoundUp(near, kLanes);
-    for (int k = near; k < pairs.count; ++k) list[k] = count_;
+    pairs.end = &wall_end_[12 * w];
+    pairs.particle = particle + total;
+    pairs.count = kernels_->FindNear(p_, pairs, range, particle + total);
     total += pairs.count;
   }
   const long stride = RoundUp(static_cast<int>(total) + kLanes, kLanes);

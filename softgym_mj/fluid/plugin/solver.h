@@ -115,8 +115,7 @@ class Solver {
 
   Buffer<float> position_, old_position_, velocity_, spare_, correction_, gradient_, wall_gradient_, wall_density_,
       free_share_, pressure_, x_, y_, z_, built_position_, e_, distance_, pair_numbers_, candidates_;
-  Buffer<int> cell_, start_, order_, spare_order_, begin_, index_, pair_particle_,
-      candidate_index_;
+  Buffer<int> cell_, start_, order_, spare_order_, begin_, index_, pair_particle_, candidate_index_;
   std::vector<char> touching_;
   std::vector<int> in_cell_;
   std::vector<double> scratch_;
