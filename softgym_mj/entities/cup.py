@@ -9,7 +9,6 @@ import numpy as np
 from dm_control import composer, mjcf
 
 from softgym_mj import metrics
-from softgym_mj.entities.cup_poses import whole_pose
 from softgym_mj.entities.cup_size import CupSize, cup_mesh
 from softgym_mj.entities.entity import UNSEEN_GEOMS, Entity
 from softgym_mj.entities.room import add_material
@@ -37,6 +36,7 @@ class Cup(Entity):
     Attributes:
         body: body with the walls.
         size: inner size; changed by `resize`.
+        arrays: arrays that depend on it: `size` (4,), length, width, height, wall [m].
     """
 
     @typed
@@ -80,11 +80,6 @@ class Cup(Entity):
         self._is_held = True
         self._set_size(self.size)
 
-    @property
-    def arrays(self) -> dict[str, np.ndarray]:
-        """Arrays that depend on the size: `size` (4,), length, width, height, wall [m]."""
-        return {"size": np.array(dataclasses.astuple(self.size))}
-
     def resize(self, size: CupSize) -> bool:
         """Resizes the cup; returns True if the model changed and must be recompiled."""
         if size == self.size:
@@ -95,6 +90,7 @@ class Cup(Entity):
     def _set_size(self, size: CupSize):
         self.size = size
         length, width, height, wall = dataclasses.astuple(size)
+        self.arrays = {"size": np.array([length, width, height, wall])}
         side, end = (length + wall) / 2, (width + wall) / 2
         long = [wall / 2, width / 2 + wall, height / 2]
         short = [length / 2, wall / 2, height / 2]
@@ -141,8 +137,9 @@ class Cup(Entity):
 
     @pose.setter
     def pose(self, pose: np.ndarray) -> None:
-        whole = whole_pose(pose)
-        self.position[:], self.quaternion[:] = whole[:3], whole[3:7]
+        x, z, theta = pose.tolist()
+        self.position[:] = x, 0.0, z
+        self.quaternion[:] = math.cos(theta / 2), 0.0, math.sin(theta / 2), 0.0
 
     @property
     def whole_pose(self) -> np.ndarray:

@@ -6,10 +6,15 @@ Functions of arrays of NumPy or PyTorch, of one cup or of a batch.
 import math
 
 import numpy as np
-from array_api_compat import device, is_torch_array
+from array_api_compat import is_torch_array
 
-from softgym_mj.metrics import Array, namespace
-from softgym_mj.native.arithmetic import product
+from softgym_mj.metrics import Array, columns, constant, namespace
+
+# Corners of a rectangle, counter-clockwise: their sides along x, which are at the rim, and their
+# ends along z.
+_SIDES = np.array([-1.0, 1.0, 1.0, -1.0])
+_RIM = np.array([0.0, 0.0, 1.0, 1.0])
+_ENDS = np.array([-1.0, -1.0, 1.0, 1.0])
 
 
 def cosine_sine(theta: Array) -> tuple[Array, Array]:
@@ -17,6 +22,8 @@ def cosine_sine(theta: Array) -> tuple[Array, Array]:
     if is_torch_array(theta):
         xp = namespace(theta)
         return xp.cos(theta), xp.sin(theta)
+    if np.ndim(theta) == 0:  # Four times as fast for one cup.
+        return np.array(math.cos(theta)), np.array(math.sin(theta))
     flat = np.ravel(theta).tolist()
     found = (np.array([f(angle) for angle in flat]) for f in (math.cos, math.sin))
     cosine, sine = (values.reshape(np.shape(theta)) for values in found)
@@ -47,8 +54,7 @@ def outline(size: Array, pose: Array) -> Array:
         pose: (..., 3).
     """
     length, _, height, wall = (size[..., i] for i in range(4))
-    half, none = length / 2 + wall, 0.0 * height
-    return _placed([[-half, none], [half, none], [half, height], [-half, height]], pose)
+    return _placed(length / 2 + wall, height, 0.0 * wall, pose)
 
 
 def corners(size: Array, pose: Array) -> Array:
@@ -58,30 +64,31 @@ def corners(size: Array, pose: Array) -> Array:
     rim. Arguments are those of `outline`.
     """
     length, _, height, wall = (size[..., i] for i in range(4))
-    half, sill = length / 2, wall / 2
-    top = height + sill
-    return _placed([[-half, -sill], [half, -sill], [half, top], [-half, top]], pose)
+    return _placed(length / 2, height, wall / 2, pose)
 
 
-def _placed(points: list[list[Array]], pose: Array) -> Array:
-    """Returns points (..., n, 2) of the cup's x-z plane in world coordinates."""
-    xp = namespace(pose)
-    places = xp.stack([xp.stack(point, axis=-1) for point in points], axis=-2)
-    cosine, sine = cosine_sine(pose[..., 2])
-    rows = xp.stack([cosine, -sine], axis=-1), xp.stack([sine, cosine], axis=-1)
-    return product(places, xp.stack(rows, axis=-2)) + pose[..., None, :2]
+def _placed(half: Array, height: Array, sill: Array, pose: Array) -> Array:
+    """Returns the corners (..., 4, 2) of a rectangle of a cup's x-z plane in the world.
+
+    Args:
+        half: (...) half its extent along the cup's x [m].
+        height, sill: (...) it extends from -sill to height + sill along the cup's z [m].
+        pose: (..., 3).
+    """
+    x = half[..., None] * constant(_SIDES, pose)
+    z = height[..., None] * constant(_RIM, pose) + sill[..., None] * constant(_ENDS, pose)
+    cosine, sine = (values[..., None] for values in cosine_sine(pose[..., 2]))
+    return columns(x * cosine + z * sine + pose[..., :1], z * cosine - x * sine + pose[..., 1:2])
 
 
 def overlap(first: Array, second: Array) -> Array:
-    """Returns whether (...) two convex polygons (..., n, 2) and (..., m, 2) intersect."""
+    """Returns whether (...) two convex polygons (..., n, 2) intersect."""
     xp = namespace(first)
-    apart = xp.zeros(first.shape[:-2], dtype=xp.bool, device=device(first))
-    for polygon in (first, second):
-        edges = xp.roll(polygon, -1, axis=-2) - polygon
-        normals = xp.stack([-edges[..., 1], edges[..., 0]], axis=-2)
-        a, b = product(first, normals), product(second, normals)
-        beside = (xp.max(a, axis=-2) < xp.min(b, axis=-2)) | (
-            xp.max(b, axis=-2) < xp.min(a, axis=-2)
-        )
-        apart = apart | xp.any(beside, axis=-1)
-    return ~apart
+    points = xp.stack([first, second], axis=-3)
+    edges = xp.concat([points[..., 1:, :], points[..., :1, :]], axis=-2) - points
+    edges = xp.reshape(edges, (*first.shape[:-2], 1, 1, -1, 2))
+    # Coordinates (..., 2, n, 2n) of the corners along the normals of all edges.
+    along = points[..., 1:] * edges[..., 0] - points[..., :1] * edges[..., 1]
+    low, high = xp.min(along, axis=-2), xp.max(along, axis=-2)
+    apart = (high[..., 0, :] < low[..., 1, :]) | (high[..., 1, :] < low[..., 0, :])
+    return ~xp.any(apart, axis=-1)
