@@ -254,19 +254,21 @@ def inside(points: Array, pose: Array, size: Array) -> Array:
         pose: (..., 7) of the cup, or longer: x, y, z [m], quaternion (w, x, y, z).
         size: (..., 4) its inner length, width, height and wall [m].
     """
-    xp = namespace(points)
     away = points - pose[..., None, :3]
-    w, x, y, z = (pose[..., i, None] for i in range(3, 7))
+    single = isinstance(pose, np.ndarray) and pose.ndim == 1  # Numbers are faster than arrays.
+    (_, _, _, w, x, y, z, *_), (length, width, height, wall) = (
+        each.tolist() if single else [each[..., i, None] for i in range(each.shape[-1])]
+        for each in (pose, size)
+    )
     axes = (  # Axes of the cup in the world.
         (w * w + x * x - y * y - z * z, 2 * (x * y + w * z), 2 * (x * z - w * y)),
         (2 * (x * y - w * z), w * w - x * x + y * y - z * z, 2 * (y * z + w * x)),
         (2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z),
     )
     along, across, above = (sum(away[..., i] * axis[i] for i in range(3)) for axis in axes)
-    length, width, height, wall = (size[..., i, None] for i in range(4))
     return (
-        (xp.abs(along) <= length / 2 + wall)
-        & (xp.abs(across) <= width / 2 + wall)
+        (abs(along) <= length / 2 + wall)
+        & (abs(across) <= width / 2 + wall)
         & (above >= -wall / 2)
         & (above <= height + wall / 2)
     )
