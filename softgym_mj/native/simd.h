@@ -74,12 +74,22 @@ inline float Sum(Lanes a) {
   b = _mm_add_ps(b, _mm_movehl_ps(b, b));
   return _mm_cvtss_f32(_mm_add_ss(b, _mm_movehdup_ps(b)));
 }
+// Writes the sums of four vectors, or of three, each as from `Sum`.
+inline void Sums(Lanes a, Lanes b, Lanes c, Lanes d, float out[4]) {
+  const auto halved = [](Lanes x) { return _mm_add_ps(_mm256_castps256_ps128(x.v), _mm256_extractf128_ps(x.v, 1)); };
+  const auto paired = [&](Lanes x, Lanes y) {
+    const __m128 x2 = halved(x), y2 = halved(y);
+    return _mm_add_ps(_mm_unpacklo_ps(x2, y2), _mm_unpackhi_ps(x2, y2));
+  };
+  const __m128 ab = paired(a, b), cd = paired(c, d);
+  _mm_storeu_ps(out, _mm_add_ps(_mm_movelh_ps(ab, cd), _mm_movehl_ps(cd, ab)));
+}
 
 // Loads eight vectors of four floats at `index`, component by component; they are aligned to 16 bytes.
 inline void Gather4(const float* p, const int* index, Lanes* x, Lanes* y, Lanes* z, Lanes* w) {
   const auto pair = [&](int low, int high) {
-    return _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_load_ps(p + 4 * index[low])),
-                                _mm_load_ps(p + 4 * index[high]), 1);
+    return _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_load_ps(p + 4L * index[low])),
+                                _mm_load_ps(p + 4L * index[high]), 1);
   };
   const __m256 a = pair(0, 4), b = pair(1, 5), c = pair(2, 6), d = pair(3, 7);
   const __m256 ab = _mm256_unpacklo_ps(a, b), cd = _mm256_unpacklo_ps(c, d);
@@ -302,6 +312,16 @@ inline void OneLane(F f) {
   f();
 }
 inline void WaitLanes() {}
+#endif
+
+#ifdef SGM_AVX2
+inline void Sums(Lanes a, Lanes b, Lanes c, float out[4]) { Sums(a, b, c, c, out); }
+#else
+inline void Sums(Lanes a, Lanes b, Lanes c, float out[4]) { out[0] = Sum(a), out[1] = Sum(b), out[2] = Sum(c); }
+inline void Sums(Lanes a, Lanes b, Lanes c, Lanes d, float out[4]) {
+  Sums(a, b, c, out);
+  out[3] = Sum(d);
+}
 #endif
 
 // The same operations on one float, for code that is generic in T.

@@ -123,15 +123,16 @@ inline void FindPressureOf(const FluidConstants& fluid, const Particles& p, cons
       pull_z = MultiplyAdd(pull, near.away.z, pull_z);
     }
   }
-  const float pull[3] = {kCohesive ? Sum(pull_x) : 0.0f, kCohesive ? Sum(pull_y) : 0.0f,
-                         kCohesive ? Sum(pull_z) : 0.0f};
+  float pull[4], sums[4];
+  Sums(pull_x, pull_y, pull_z, density, pull);
+  Sums(sum_x, sum_y, sum_z, squares, sums);
   const float* wall = p.wall_gradient + 4 * i;
-  const float gx = Sum(sum_x) + wall[0], gy = Sum(sum_y) + wall[1], gz = Sum(sum_z) + wall[2];
-  const float excess = (Sum(density) + p.wall_density[i]) / fluid.rest_density - 1.0f;
-  const float length = gx * gx + gy * gy + gz * gz + Sum(squares);
+  const float gx = sums[0] + wall[0], gy = sums[1] + wall[1], gz = sums[2] + wall[2];
+  const float excess = (pull[3] + p.wall_density[i]) / fluid.rest_density - 1.0f;
+  const float length = gx * gx + gy * gy + gz * gz + sums[3];
   OneLane([&] {
     if (excess > kCrowded) *p.crowded = true;
-    p.pressure[i] = excess > 0.0f ? excess / (length + 1e-6f) : 0.0f;
+    p.pressure[i] = Max(excess, 0.0f) / (length + 1e-6f);
     float *correction = p.correction + 4 * i, *gradient = p.gradient + 4 * i;
     for (int k = 0; k < 3; ++k) correction[k] = pull[k];
     gradient[0] = gx;
@@ -162,9 +163,11 @@ inline void AddCorrection(const FluidConstants& fluid, const Particles& p, const
   }
   const float own = p.pressure[i];
   const float* gradient = p.gradient + 4 * i;
-  const float dx = scale * (Sum(x) + own * gradient[0]);
-  const float dy = scale * (Sum(y) + own * gradient[1]);
-  const float dz = scale * (Sum(z) + own * gradient[2]);
+  float sums[4];
+  Sums(x, y, z, sums);
+  const float dx = scale * (sums[0] + own * gradient[0]);
+  const float dy = scale * (sums[1] + own * gradient[1]);
+  const float dz = scale * (sums[2] + own * gradient[2]);
   const float squared = dx * dx + dy * dy + dz * dz;
   const float limit = fluid.correction;
   const float clamp = squared > limit * limit ? limit / sqrtf(squared) : 1.0f;
@@ -193,9 +196,10 @@ inline void Smooth(const FluidConstants& fluid, const Particles& p, const Neighb
     sum_v = MultiplyAdd(weight, vj.y - v, sum_v);
     sum_w = MultiplyAdd(weight, vj.z - w, sum_w);
   }
-  const float change[3] = {viscosity * Sum(sum_u), viscosity * Sum(sum_v), viscosity * Sum(sum_w)};
+  float sums[4];
+  Sums(sum_u, sum_v, sum_w, sums);
   OneLane([&] {
-    for (int k = 0; k < 3; ++k) p.correction[4 * i + k] = change[k];
+    for (int k = 0; k < 3; ++k) p.correction[4 * i + k] = viscosity * sums[k];
   });
 }
 
