@@ -104,8 +104,8 @@ def lengths(vectors: Array) -> Array:
 
 
 def columns(*values: Array) -> Array:
-    """Returns values (...) stacked along a new last axis (..., n)."""
-    return namespace(values[0]).stack(values, axis=-1)
+    """Returns values (...) stacked along a new last axis (..., n), faster than by `stack`."""
+    return namespace(values[0]).concat([value[..., None] for value in values], axis=-1)
 
 
 def taken(points: Array, indices: Array) -> Array:

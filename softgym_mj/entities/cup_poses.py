@@ -84,7 +84,7 @@ def _placed(half: Array, height: Array, sill: Array, pose: Array) -> Array:
 def overlap(first: Array, second: Array) -> Array:
     """Returns whether (...) two convex polygons (..., n, 2) intersect."""
     xp = namespace(first)
-    points = xp.stack([first, second], axis=-3)
+    points = xp.concat([first[..., None, :, :], second[..., None, :, :]], axis=-3)
     edges = xp.concat([points[..., 1:, :], points[..., :1, :]], axis=-2) - points
     edges = xp.reshape(edges, (*first.shape[:-2], 1, 1, -1, 2))
     # Coordinates (..., 2, n, 2n) of the corners along the normals of all edges.
