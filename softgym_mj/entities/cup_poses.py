@@ -4,11 +4,14 @@ Functions of arrays of NumPy or PyTorch, of one cup or of a batch.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from array_api_compat import is_torch_array
 
 from softgym_mj.metrics import Array, columns, constant, namespace
+
+Numbers = Sequence[Sequence[float]]
 
 # Corners of a rectangle, counter-clockwise: their sides along x, which are at the rim, and their
 # ends along z.
@@ -92,3 +95,36 @@ def overlap(first: Array, second: Array) -> Array:
     low, high = xp.min(along, axis=-2), xp.max(along, axis=-2)
     apart = (high[..., 0, :] < low[..., 1, :]) | (high[..., 1, :] < low[..., 0, :])
     return ~xp.any(apart, axis=-1)
+
+
+def is_clear(lowest: float, cup: Numbers, other: Numbers) -> bool:
+    """Returns whether a cup is above a height and does not intersect another one.
+
+    The answer is that of `corners`, `outline` and `overlap` for one cup; numbers take a fifth of
+    the time of small arrays.
+
+    Args:
+        lowest: smallest height of the corners [m].
+        cup, other: size, as in `outline`, and pose of each.
+    """
+    (length, _, height, wall), pose = cup
+    if min(z for _, z in _points(length / 2, wall / 2, height, pose)) < lowest:
+        return False
+    polygons = [_points(size[0] / 2 + size[3], 0.0, size[2], pose) for size, pose in (cup, other)]
+    for polygon in polygons:
+        for (x0, z0), (x1, z1) in zip(polygon, polygon[1:] + polygon[:1], strict=True):
+            dx, dz = x1 - x0, z1 - z0
+            first, second = ([z * dx - x * dz for x, z in points] for points in polygons)
+            if max(first) < min(second) or max(second) < min(first):
+                return True
+    return False
+
+
+def _points(
+    half: float, sill: float, height: float, pose: Sequence[float]
+) -> list[tuple[float, float]]:
+    """Returns the corners of `_placed` of one cup."""
+    x, z, theta = pose
+    cosine, sine, top = math.cos(theta), math.sin(theta), height + sill
+    around = ((-half, -sill), (half, -sill), (half, top), (-half, top))
+    return [(a * cosine + b * sine + x, b * cosine - a * sine + z) for a, b in around]

@@ -8,7 +8,7 @@ import numpy as np
 from dm_control import composer
 
 from softgym_mj.entities.cup import Cup
-from softgym_mj.entities.cup_poses import corners, outline, overlap
+from softgym_mj.entities.cup_poses import corners, is_clear, outline, overlap
 from softgym_mj.entities.flex_group import FlexGroup
 from softgym_mj.metrics import Array, columns, namespace
 from softgym_mj.robots.base import SIM_STEP, ActionSpace, Actor
@@ -53,6 +53,9 @@ class KeepClear:
         xp, size = namespace(pose), cups[self.cup][0]
         # A cup rests half a wall deep in the ground.
         lowest = -size[..., 3] / 2 - GROUND_TOLERANCE
+        if isinstance(pose, np.ndarray) and pose.ndim == 1:
+            other = [array.tolist() for array in cups[self.other]]
+            return pose, np.array(is_clear(lowest, (size.tolist(), pose.tolist()), other))
         above = xp.min(corners(size, pose)[..., 1], axis=-1) >= lowest
         return pose, above & ~overlap(outline(size, pose), outline(*cups[self.other]))
 

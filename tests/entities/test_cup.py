@@ -12,6 +12,7 @@ from dm_control import composer, mjcf
 from softgym_mj.entities.cup import Cup, CupSize
 from softgym_mj.entities.cup_poses import corners, outline, overlap
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.robots.cup_mover import KeepClear
 
 SIZE = CupSize(length=0.24, width=0.18, height=0.3, wall=0.045)
 QUARTERS = (0.0, 45.0, 90.0, 180.0, -30.0, 359.0)  # [deg]
@@ -144,6 +145,20 @@ def test_overlap_agrees_with_shapely():
         assert overlap(first, second) == overlap(second, first) == expected
         hits += expected
     assert 100 < hits < 400
+
+
+def test_one_cup_is_as_clear_as_in_a_batch():
+    random, number = np.random.default_rng(3), 2000
+    sizes = random.uniform([0.1, 0.1, 0.1, 0.01], [0.3, 0.2, 0.4, 0.05], (2, number, 4))
+    poses = random.uniform([0, -0.05, -7], [1, 0.5, 7], (2, number, 3))
+    poses[1, ::2] = [0.5, 0.0, 0.0]
+    rule = KeepClear("cup", "other")
+    cups = {name: (sizes[i], poses[i]) for i, name in enumerate(("cup", "other"))}
+    _, expected = rule(poses[0], cups)
+    for i in range(number):
+        one = {name: (size[i], pose[i]) for name, (size, pose) in cups.items()}
+        assert rule(poses[0, i], one)[1] == expected[i]
+    assert 0.2 * number < expected.sum() < 0.8 * number
 
 
 @pytest.mark.parametrize("bad", [(0.0, 1, 1, 0.1), (1, 1, -1, 0.1), (1, 1, 0.04, 0.1),
