@@ -90,7 +90,7 @@ def as_array(argument: str, value: object) -> np.ndarray:
 
 
 def as_shaped(argument: str, value: object, shape: tuple[int, ...]) -> np.ndarray:
-    """Converts a value to an array of this shape.
+    """Converts a value to an array (...) of this shape.
 
     Raises:
         InvalidArgumentError: if its shape is another, or NumPy cannot convert it.
