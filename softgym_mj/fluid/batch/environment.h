@@ -13,6 +13,7 @@ namespace softgym_mj::fluid {
 // Largest number of listed neighbors of a particle; in water at rest there are 28 to 39.
 constexpr int kMostNeighbors = 88;
 constexpr int kListStride = kMostNeighbors + kLanes;  // Writes may exceed the list by one vector.
+constexpr int kListRoom = 264;                        // Room behind the last list for the writes of `FindNeighbors`.
 
 // Failures of a step as bits.
 enum Flag { kNotFinite = 1, kTooManyNeighbors = 2, kTooManyCells = 4, kScattered = 8 };
@@ -66,7 +67,12 @@ inline void TakeMemory(const Model& model, Memory* memory, Environment* w) {
   memory->Take(&w->sums, 3 * (n / kShare + 1));
   memory->Take(&w->pair_particle, static_cast<long long>(n) * model.num_walls);
   memory->Take(&w->wall_numbers, 5LL * n * model.num_walls);
-  memory->Take(&w->neighbors.index, static_cast<long long>(kListStride) * n);
+  w->neighbors.capacity = static_cast<long>(kListStride) * n + kListRoom;
+  memory->Take(&w->neighbors.index, w->neighbors.capacity);
+  Candidates* c = &w->neighbors.candidates;
+  float** const of_candidates[] = {&c->x, &c->y, &c->z};
+  for (float** a : of_candidates) memory->Take(a, n + kLanes);
+  memory->Take(&c->index, n + kLanes);
   w->neighbors.begin = w->begin;
   w->neighbors.end = w->end;
   w->neighbors.most = kMostNeighbors;

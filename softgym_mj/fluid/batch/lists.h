@@ -6,6 +6,9 @@
 #include "fluid/batch/environment.h"
 #include "fluid/plugin/motion.h"
 #include "fluid/plugin/particles.h"
+#ifndef __CUDACC__
+#include "fluid/plugin/lists.h"
+#endif
 
 namespace softgym_mj::fluid {
 namespace {
@@ -123,9 +126,11 @@ inline void Sort(Environment* w) {
   });
 }
 
+#ifdef __CUDACC__
+
 // Lists the neighbors of particle i, as `FindNeighbors` of the kernels. One thread lists all of them because the
 // threads of its neighbors read the same particles.
-inline void ListNeighbors(const Environment& w, int i) {
+inline void ListNeighborsOf(const Environment& w, int i) {
   const Particles& p = w.particles;
   const Step& step = *w.step;
   const Grid grid = {step.nx, step.ny, step.nz, w.start};
@@ -151,39 +156,67 @@ inline void ListNeighbors(const Environment& w, int i) {
   w.end[i] = kListStride * i + length;
 }
 
+// Lists the neighbors of all particles.
+inline void ListNeighbors(Environment* w) {
+  Each(w->model->count, [&](int i) { ListNeighborsOf(*w, i); });
+}
+
+// Lists the particles near a wall.
+inline void ListNear(const Environment& w, int wall, float range) {
+  const Model& m = *w.model;
+  const BatchWall& own = m.walls[wall];
+  const float* pose = w.step->wall_end + 12 * wall;
+  int* list = w.pair_particle + static_cast<long long>(m.count + kLanes) * wall;
+  Each(m.count, [&](int i) {
+    const float* x = w.particles.position + 4 * i;
+    if (own.shape != Shape::kPlane) {
+      float half[3];
+      HalfExtents(own.shape, own.size, half);
+      for (int k = 0; k < 3; ++k) {
+        const float reach = ReachAlong(pose, half, k, range);
+        if (!(x[k] > pose[k] - reach && x[k] < pose[k] + reach)) return;
+      }
+    }
+    Vec3<float> normal;
+    const Vec3<float> local = ToLocal(pose, Vec3<float>{x[0], x[1], x[2]});
+    if (Distance<float>(own.shape, own.size, local, &normal) < range) list[Add(&w.step->pairs[wall], 1)] = i;
+  });
+  const int near = w.step->pairs[wall];
+  Each((near + kLanes - 1) / kLanes * kLanes - near, [&](int k) { list[near + k] = m.count; });
+}
+
+#else
+
+static_assert(kListRoom >= kChunk + kLanes, "Every list must fit.");
+
+// Lists the neighbors of all particles by the plugin's kernel, because one thread does all of them.
+inline void ListNeighbors(Environment* w) {
+  const Grid grid = {w->step->nx, w->step->ny, w->step->nz, w->start};
+  w->neighbors.end = w->begin + 1;
+  FindNeighbors(w->particles, grid, ListDistance(*w->model), w->neighbors);
+}
+
+// Lists the particles near a wall by the plugin's kernel.
+inline void ListNear(const Environment& w, int wall, float range) {
+  const WallPairs pairs = PairsOf(w, wall);
+  w.step->pairs[wall] = FindNear(w.particles, pairs, range, const_cast<int*>(pairs.particle));
+}
+
+#endif  // __CUDACC__
+
 // Lists the particles near each wall.
 inline void ListPairs(const Environment& w) {
   const Model& m = *w.model;
   const float range = m.fluid.radius + kWallSkin * m.fluid.spacing;
   Each(12 * m.num_walls, [&](int k) { w.step->wall_built[k] = w.step->wall_end[k]; });
   Each(m.num_walls, [&](int wall) { w.step->pairs[wall] = 0; });
-  for (int wall = 0; wall < m.num_walls; ++wall) {
-    const BatchWall& own = m.walls[wall];
-    const float* pose = w.step->wall_end + 12 * wall;
-    int* list = w.pair_particle + static_cast<long long>(m.count + kLanes) * wall;
-    Each(m.count, [&](int i) {
-      const float* x = w.particles.position + 4 * i;
-      if (own.shape != Shape::kPlane) {
-        float half[3];
-        HalfExtents(own.shape, own.size, half);
-        for (int k = 0; k < 3; ++k) {
-          const float reach = ReachAlong(pose, half, k, range);
-          if (!(x[k] > pose[k] - reach && x[k] < pose[k] + reach)) return;
-        }
-      }
-      Vec3<float> normal;
-      const Vec3<float> local = ToLocal(pose, Vec3<float>{x[0], x[1], x[2]});
-      if (Distance<float>(own.shape, own.size, local, &normal) < range) list[Add(&w.step->pairs[wall], 1)] = i;
-    });
-    const int near = w.step->pairs[wall];
-    Each((near + kLanes - 1) / kLanes * kLanes - near, [&](int k) { list[near + k] = m.count; });
-  }
+  for (int wall = 0; wall < m.num_walls; ++wall) ListNear(w, wall, range);
 }
 
 inline void BuildLists(Environment* w) {
   const Model& m = *w->model;
   Sort(w);
-  Each(m.count, [&](int i) { ListNeighbors(*w, i); });
+  ListNeighbors(w);
   Each(4 * m.count, [&](int k) { w->built[k] = w->particles.position[k]; });
   ListPairs(*w);
   Once([&] { w->step->lists_valid = 1; });
