@@ -67,8 +67,9 @@ def describe(
         model: Model with one flex that the plugin moves, over a plane.
         grippers: Ids of geoms with prescribed motion: spheres; -1 for a gripper that only holds.
         room: Room for contacts, relative to the number that piles need.
-        solids: Ids of further geoms that move as told: spheres, capsules, ellipsoids, cylinders and
-            boxes. Grippers and then solids are in the order of their ids, in which they push.
+        solids: Ids of further geoms that move as told, or stand at their poses if their bodies have
+            no joints: spheres, capsules, ellipsoids, cylinders and boxes. Grippers and solids are
+            each in the order of their ids; all push in that order.
 
     Raises:
         InvalidArgumentError: If batches do not support something in the model.

@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 
 from softgym_mj.batch.device import CpuDevice
-from softgym_mj.cloth.batch_solver import describe
+from softgym_mj.cloth.batch_solver import ClothBatchSolver, SolidMotion, describe
 from softgym_mj.exceptions import InvalidArgumentError
-from tests.cloth.flex_scene import WOVEN, model_xml, rope, sheet, straight
+from softgym_mj.vector.batch import static_solids
+from tests.cloth.flex_scene import WOVEN, rope, sheet, straight
 from tests.cloth.pushed import Pushed, body
 
 # Shapes, one as large as the other.
@@ -58,6 +59,43 @@ def test_solids_push_as_in_the_plugin(flex, shape):
         forces, moments = forces + abs(own), moments + abs(solver.solid_forces[0, :, 3:])
     assert forces.min() > 0.0
     assert moments.min() > 0.0
+    assert solver.flags[0] == 0
+
+
+# Static solids around a sphere on a heavy body: geoms push in the order of their ids.
+STATIC = """
+<geom name="low" {low} pos="-.06 .01 .05"/>
+{moving}
+<body pos=".05 0 .02" quat="{turn}"><geom name="high" {high} pos="0 .01 .03"/></body>
+"""
+
+
+@pytest.mark.parametrize("flex", FLEXES)
+@pytest.mark.parametrize("shape", SHAPES)
+def test_static_solids_push_as_in_the_plugin(flex, shape):
+    turn = " ".join(map(str, TURN))
+    moving = body("moving", (0.0, 0.0, 0.07), HEAVY, f'name="moving" {SHAPES["sphere"]}')
+    scenery = STATIC.format(low=SHAPES[shape], high=SHAPES[shape], moving=moving, turn=turn)
+    pushed = Pushed(FLEXES[flex], scenery, solids=["moving"])
+    model, data = pushed.model, pushed.data
+    low, high = (model.geom(name).id for name in ("low", "high"))
+    solids = [low, pushed.solids[0], high]
+    assert solids == sorted(solids)
+    mujoco.mj_forward(model, data)
+    still = static_solids.poses(model, data, static_solids.find(model))
+    assert static_solids.find(model) == [low, high]
+    solver = ClothBatchSolver(1, model.nflexvert, 0, None, 3, pushed.bodies.most_dofs)
+    solver.start(0, describe(model, [], solids=solids))
+    forces = np.zeros((3, 3))
+    for i in range(60):
+        motion = pushed.push({"moving": (0.1, 0.02, 0.1 * np.cos(i / 9), 0.5, 0.3, 1.5)})
+        whole = [np.insert(part, [0, 1], 0.0, axis=1) for part in motion]
+        whole[0][0, [0, 2]] = still
+        whole[3] = np.ones((1, 3))
+        solver.step(*NONE, SolidMotion(*whole))
+        pushed.check(solver)
+        forces += abs(solver.solid_forces[0, :, :3])
+    assert forces.max(axis=1).min() > 0.0
     assert solver.flags[0] == 0
 
 
@@ -142,10 +180,6 @@ def test_solids_that_do_not_fit_are_refused():
     for solids, message in ((pushed.solids[::-1], "in the order"), ([0], "expected spheres, ")):
         with pytest.raises(InvalidArgumentError, match=message):
             describe(pushed.model, [], solids=solids)
-    still = '<body mocap="true"><geom name="still" type="sphere" size=".01"/></body>'
-    model = mujoco.MjModel.from_xml_string(model_xml(FLEXES["rope"], scenery=still))
-    with pytest.raises(InvalidArgumentError, match="bodies with joints"):
-        describe(model, [], solids=[model.geom("still").id])
     with pytest.raises(InvalidArgumentError, match="motion"):
         pushed.solver().step(*NONE)
     with pytest.raises(InvalidArgumentError, match="'solids': 1"):

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
+#include <numeric>
 #include <string>
 #include <vector>
 
@@ -86,15 +87,18 @@ std::string FillSolids(const mjModel* m, const Mesh& mesh, const std::vector<int
       first->push_back(static_cast<int>(i));
       trees->push_back(-1);
       bodies.push_back(-1);
-      solids->push_back({Shape::kSphere, {}, 0, -1, static_cast<int>(i), 0, {}});
+      solids->push_back({Shape::kSphere, {}, 0, -1, static_cast<int>(i), 0, 0, {}});
       continue;
     }
     const int own = m->geom_bodyid[g];
     if (grips && (m->geom_type[g] != mjGEOM_SPHERE || !MayTouch(m, g, mesh, 0))) return "expected spheres as grippers.";
-    Solid solid = {ShapeOf(m->geom_type[g]), {}, static_cast<float>(Friction(m, g, mesh.flexes[0])), g, 0,
-                   m->geom_rbound[g],        {}};
+    Solid solid = {
+        ShapeOf(m->geom_type[g]), {}, static_cast<float>(Friction(m, g, mesh.flexes[0])), g, 0, m->body_treeid[own] < 0,
+        m->geom_rbound[g],        {}};
     if (solid.shape == Shape::kPlane) return "expected spheres, capsules, ellipsoids, cylinders or boxes as solids.";
-    if (i > 0 && g <= geoms[i - 1]) return "expected grippers and then solids in the order of their ids.";
+    if (i > 0 && grips == (static_cast<int>(i) - 1 < grippers) && g <= geoms[i - 1]) {
+      return "expected grippers and solids in the order of their ids.";
+    }
     CopySize(m, g, solid.size);
     mjtNum arm[3], back[4];
     mju_sub3(arm, m->body_ipos + 3 * own, m->geom_pos + 3 * g);
@@ -102,7 +106,6 @@ std::string FillSolids(const mjModel* m, const Mesh& mesh, const std::vector<int
     if (!grips) mju_rotVecQuat(solid.center, arm, back);
     const auto found = grips ? bodies.end() : std::find(bodies.begin(), bodies.end(), own);
     solid.body = static_cast<int>(found - bodies.begin());
-    if (!grips && m->body_treeid[own] < 0) return "expected solids on bodies with joints.";
     if (found == bodies.end()) {
       bodies.push_back(own);
       trees->push_back(m->body_treeid[own]);
@@ -251,6 +254,10 @@ std::string Write(const mjModel* m, const Workspace& w, const std::vector<int>& 
   model.longest_at = write(longest);
   model.trees_at = write(trees);
   model.solids_at = write(solids);
+  std::vector<int> pushing(geoms.size());
+  std::iota(pushing.begin(), pushing.end(), 0);
+  std::stable_sort(pushing.begin(), pushing.end(), [&](int a, int b) { return geoms[a] < geoms[b]; });
+  model.order_at = write(pushing);
   model.first_solids_at = write(first_solids);
   model.vertex_order_at = write(layers.vertex_order());
   model.triangle_order_at = write(layers.triangle_order());

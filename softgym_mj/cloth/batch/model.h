@@ -14,6 +14,7 @@ struct Solid {
   float size[3];  // As in mjModel [m].
   float friction;
   int geom, body;    // Its id in mjModel, or -1 for a gripper that only holds, and the index of its body.
+  int is_static;     // 1 for a solid on a body without joints.
   double bound;      // Bounding radius [m].
   double center[3];  // Center of mass of its body, in its own frame [m].
 };
@@ -63,6 +64,7 @@ struct Model {
   int longest_at;                  // (triangles or rope edges,) Longest edge at rest [m], of doubles.
   int trees_at;                    // (bodies,) Kinematic tree of each body; bodies of one tree push each other.
   int solids_at, first_solids_at;  // (grippers + solids,) `Solid`; (bodies,) the first one of each body.
+  int order_at;                    // (grippers + solids,) Indices in the order of their geoms, in which they push.
 
   template <class T>
   const T* At(int place) const {

@@ -36,6 +36,11 @@ inline float SideOf(const double* sides, double key) {
   return found ? static_cast<float>(sides[first] - key * kFaces - 1) : -1;
 }
 
+// Body of a gripper or solid; null if it is static.
+inline Rigid* RigidOf(const Environment& w, const Solid& solid) {
+  return kSolids && solid.is_static ? nullptr : &w.bodies[solid.body].rigid;
+}
+
 // Shape and pose of a gripper, which is a sphere, or of a solid.
 inline Geom GeomOf(const Touch& touch) {
   Geom geom = touch.geom;
@@ -114,7 +119,7 @@ inline void StartTouch(const Environment& w, int t) {
   const int own = kSolids ? t - m.grippers : -1;
   Once([&] {
     touch->geom.shape = solid.shape;
-    touch->small = body.rigid.gives_way && solid.bound < kSmall;
+    touch->small = !solid.is_static && body.rigid.gives_way && solid.bound < kSmall;
     touch->fixed = touch->small || (own >= 0 && w.step->fastest >= kHasty);
     const double unturned[4] = {1, 0, 0, 0};
     Quat2Mat(own < 0 ? unturned : w.poses + 7 * own + 3, touch->matrix);
@@ -133,7 +138,8 @@ inline void StartTouch(const Environment& w, int t) {
     velocity[k] = own < 0 ? of_gripper : w.velocities[6 * own + k];
   }
   const double turning = Length(velocity + 3), speed = Length(velocity) + turning * solid.bound;
-  const double margin = m.radius + kSolidMargin + m.timestep * (speed + kVelocityMargin);
+  const double margin =
+      m.radius + kSolidMargin + (kSolids && solid.is_static ? 0 : m.timestep * (speed + kVelocityMargin));
   const float bound = static_cast<float>(solid.bound), reach = static_cast<float>(margin);
   const Geom geom = GeomOf(*touch);
   const auto add = [&](const int* vertex, int corners, int number) {
@@ -153,7 +159,7 @@ inline void StartTouch(const Environment& w, int t) {
   }
   Once([&] {
     if (touch->points.count > touch->room) touch->points.count = touch->room;
-    touch->pushes = body.rigid.gives_way && touch->points.count + touch->triangles.count > 0;
+    touch->pushes = !solid.is_static && body.rigid.gives_way && touch->points.count + touch->triangles.count > 0;
     w.step->touches_bodies |= touch->pushes;
     w.step->touches_light |= touch->pushes && body.inverse_mass > 1 / kLight;
     w.step->repeats = w.step->touches_bodies && m.sweeps > 1;
@@ -179,6 +185,7 @@ inline void FindTouches(const Environment& w, int substeps) {
   Each(touches, [&](int t) {
     Touch& touch = w.touch[t];
     const Mover& body = w.bodies[solids[t].body];
+    if (kSolids && solids[t].is_static) return;
     if (kSolids && t >= m.grippers) return PlaceGeom(body.center, body.so_far, touch.offset, touch.matrix, &touch.geom);
     for (int k = 0; k < 3; ++k) touch.geom.pose[k] = body.rigid.center[k];
   });
@@ -186,7 +193,7 @@ inline void FindTouches(const Environment& w, int substeps) {
   for (int t = 0; t < touches; ++t) {
     const Touch& touch = w.touch[t];
     const Geom geom = GeomOf(touch);
-    const Rigid* rigid = &w.bodies[solids[t].body].rigid;
+    const Rigid* rigid = RigidOf(w, solids[t]);
     EachBlock(0, touch.points.blocks,
               [&](int b) { FindSolid(w.points, w.solid_position, geom, rigid, touch.point_blocks + b, false, left); });
     EachBlock(0, touch.triangles.blocks, [&](int b) {
@@ -195,22 +202,24 @@ inline void FindTouches(const Environment& w, int substeps) {
   }
 }
 
-// Calls f(block, row, body) for all blocks. Those of a body that gives way follow each other, because they act on each
-// other through it.
+// Calls f(block, row, body) for all blocks, in the order of geoms. Those of a body that gives way follow each other,
+// because they act on each other through it.
 template <class F>
 inline void EachTouch(const Environment& w, F f) {
   const Model& m = *w.model;
-  for (int t = 0; t < m.grippers + Solids(m); ++t) {
+  for (int i = 0; i < m.grippers + Solids(m); ++i) {
+    const int t = kSolids ? m.At<int>(m.order_at)[i] : i;
     const Touch& touch = w.touch[t];
-    Rigid* rigid = &w.bodies[m.At<Solid>(m.solids_at)[t].body].rigid;
-    if (kSolids && rigid->gives_way) {
+    Rigid* rigid = RigidOf(w, m.At<Solid>(m.solids_at)[t]);
+    if (kSolids && rigid && rigid->gives_way) {
       EachBlock(0, 1, [&](int) {
         for (int b = 0; b < touch.points.blocks; ++b) f(touch.point_blocks + b, m.contact, rigid);
         for (int b = 0; b < touch.triangles.blocks; ++b) f(touch.triangle_blocks + b, m.contact, rigid);
       });
     } else {
-      EachColor(touch.points, [&](int b) { f(touch.point_blocks + b, m.solid_row, rigid); });
-      EachColor(touch.triangles, [&](int b) { f(touch.triangle_blocks + b, m.solid_row, rigid); });
+      const ContactRow& row = rigid ? m.solid_row : m.contact;
+      EachColor(touch.points, [&](int b) { f(touch.point_blocks + b, row, rigid); });
+      EachColor(touch.triangles, [&](int b) { f(touch.triangle_blocks + b, row, rigid); });
     }
   }
   ShareImpulses(w);
