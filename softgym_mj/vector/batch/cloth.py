@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from softgym_mj.batch.device import Device
-from softgym_mj.cloth.batch_solver import KEPT_PAIRS, SIDES, ClothBatchSolver, describe
+from softgym_mj.cloth import batch_solver
+from softgym_mj.cloth.batch_solver import ClothBatchSolver, SolidMotion, describe
 from softgym_mj.entities.flex import edge_strains, highest_speed, is_overloaded
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import cpu_only
@@ -16,6 +17,7 @@ from softgym_mj.robots.pick_and_place import PixelPickAndPlace
 from softgym_mj.robots.picker import Picker
 from softgym_mj.tasks.shared.base import Task
 from softgym_mj.tasks.shared.state import State
+from softgym_mj.vector.batch import static_solids
 from softgym_mj.vector.batch.physics import Arrays, BatchPhysics
 from softgym_mj.vector.batch.pick_and_place import PickAndPlaceBatch
 from softgym_mj.vector.batch.pickers import PickerBatch
@@ -50,6 +52,9 @@ class ClothBatch(BatchPhysics):
             raise cpu_only(f"a task with several objects {[*task.scene.materials]}")
         self._env, self._flex, self._actor = env, flexes[0], task.actor
         self._name = next(iter(task.scene.materials))
+        self._static = static_solids.find(env.physics.model.ptr)
+        if self._static and not isinstance(task.actor, Picker):
+            raise cpu_only(f"actor={task.actor.name!r} in a scene with fixed solids")
         self._device, self._xp = device, device.xp
         sizes = num_envs, task.max_points, task.actor.num_grippers, device
         self._solver = ClothBatchSolver(*sizes, *self._solids(), self._notes_pushes)
@@ -68,7 +73,7 @@ class ClothBatch(BatchPhysics):
 
     def _solids(self) -> tuple[int, int]:
         """Returns `solids` and `dofs` of `ClothBatchSolver`."""
-        return 0, 0
+        return len(self._static), 0
 
     @property
     def _notes_pushes(self) -> bool:
@@ -94,7 +99,7 @@ class ClothBatch(BatchPhysics):
 
         Keys besides the state: model (for `ClothBatchSolver`), origin of vertices [m], ends and
         rest lengths [m] of edges, ways (`MeshDistances.all`), the flex's radius, hold_force,
-        max_tracking_error and hold_stretch, and view (camera of pixel actions).
+        max_tracking_error and hold_stretch, view (camera of pixel actions), and static_poses.
         """
         flex = self._flex
         return {
@@ -112,7 +117,12 @@ class ClothBatch(BatchPhysics):
             "hold_force": np.array(flex.hold_force),
             "max_tracking_error": np.array(flex.max_tracking_error),
             "hold_stretch": np.array(flex.hold_stretch),
+            "static_poses": self._static_poses(),
         }
+
+    def _static_poses(self) -> np.ndarray:
+        physics = self._env.physics
+        return static_solids.poses(physics.model.ptr, physics.data.ptr, self._static)
 
     def _actor_state(self) -> dict[str, Any]:
         """Reads the state of the actor in the CPU environment."""
@@ -121,7 +131,7 @@ class ClothBatch(BatchPhysics):
 
     def _described(self) -> np.ndarray:
         """Converts the CPU environment's model for `ClothBatchSolver`."""
-        return describe(self._env.physics.model.ptr, self._grippers())
+        return describe(self._env.physics.model.ptr, self._grippers(), solids=self._static)
 
     def placed(self, read: Arrays) -> Arrays:
         """Returns a row of `state`; ways_at is the mesh's first index in `_ways`."""
@@ -155,8 +165,8 @@ class ClothBatch(BatchPhysics):
             "reference": (vertices, 3),
             "after_edge": (len(self._flex.edges),),
             "holding_force": (vertices,),
-            "after_layers": (vertices, KEPT_PAIRS, 4),
-            "sides": (SIDES if self._solids()[0] else 0,),
+            "after_layers": (vertices, batch_solver.KEPT_PAIRS, 4),
+            "sides": (batch_solver.SIDES if self._solids()[0] else 0,),
         }.items():
             size = math.prod(shape)
             found[name], rest = rest[:size].reshape(shape), rest[size:]
@@ -215,7 +225,8 @@ class ClothBatch(BatchPhysics):
         if isinstance(pickers, PickAndPlaceBatch):  # Environments without a model stand still.
             whole = xp.asarray(models, copy=True)
             models[...] = xp.where(pickers.moving, whole, 0)
-        self._solver.step(state["center"], state["held"], goals)
+        motion = SolidMotion(state["static_poses"], 0.0, 0.0, 1) if self._static else None
+        self._solver.step(state["center"], state["held"], goals, motion)
         if isinstance(pickers, PickAndPlaceBatch):
             models[...] = whole
 
