@@ -35,6 +35,7 @@ class TaskRecord:
         version: version of the task; scores of different versions do not compare.
         gymnasium_id: "softgym_mj/SpreadCloth-v0" for "spread_cloth".
         is_custom: whether the task is not part of this package.
+        suite: suite of the task, one of `SUITES`.
     """
 
     def __init__(
@@ -50,6 +51,7 @@ class TaskRecord:
             **overrides: values that replace attributes of the class, where not None.
         """
         self.name, self.is_custom, self.version = name, task_class is not None, version
+        self.suite = PLUS if name in _BEYOND else DOMAIN
         self.class_name = "".join(word.title() for word in name.split("_"))
         self.gymnasium_id = f"softgym_mj/{self.class_name}-v{version}"
         self._class = task_class
@@ -147,15 +149,15 @@ def _unpacked(parameter: inspect.Parameter) -> type:
 # version 0. They are listed here because ids are registered before tasks are imported.
 VERSIONS: dict[str, int] = {}
 
-# Each file has a class of the same name.
-_FILES = pkgutil.iter_modules([str(pathlib.Path(__file__).parent / "tasks")])
-TASKS = {
-    file.name: TaskRecord(file.name, version=VERSIONS.get(file.name, 0))
-    for file in _FILES
-    if not file.ispkg
-}
+# Suites, which are domains of dm_control's: SoftGym's ten tasks with custom ones, and others.
+DOMAIN, PLUS = SUITES = ("softgym", "softgym_plus")
+_BEYOND = ("hang_cloth",)  # Tasks beyond SoftGym.
 
-DOMAIN = "softgym"  # The tasks' domain in dm_control's suite.
+# Each file has a class of the same name; the tasks beyond SoftGym come last.
+_FILES = pkgutil.iter_modules([str(pathlib.Path(__file__).parent / "tasks")])
+_NAMES = sorted((f.name for f in _FILES if not f.ispkg), key=lambda name: (name in _BEYOND, name))
+TASKS = {name: TaskRecord(name, version=VERSIONS.get(name, 0)) for name in _NAMES}
+
 _NAME = re.compile("[a-z][a-z0-9]*(_[a-z0-9]+)*")
 
 
@@ -244,11 +246,17 @@ def list_in_suite() -> None:
     """
     from dm_control import suite
 
-    own = [(DOMAIN, name) for name in TASKS]
+    own = [(record.suite, name) for name, record in TASKS.items()]
     for name in ("ALL_TASKS", "EXTRA", "NO_REWARD_VIZ"):
-        others = [pair for pair in getattr(suite, name) if pair[0] != DOMAIN]
+        others = [pair for pair in getattr(suite, name) if pair[0] not in SUITES]
         setattr(suite, name, tuple(sorted(others + own, key=lambda pair: pair[0])))
-    suite.TASKS_BY_DOMAIN[DOMAIN] = tuple(TASKS)
+    for each in SUITES:
+        suite.TASKS_BY_DOMAIN[each] = task_names(each)
+
+
+def task_names(suite: str) -> tuple[str, ...]:
+    """Returns the names of the tasks of a suite, one of `SUITES`."""
+    return tuple(name for name, record in TASKS.items() if record.suite == suite)
 
 
 def find(task: str | TaskRecord) -> TaskRecord:

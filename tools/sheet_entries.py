@@ -47,6 +47,8 @@ INFO = {
     "fraction_in_target": "fraction of the particles in the box of the target cup",
     "pair_distance": "mean distance of the pairs [m]",
     "displacement": "mean distance of the second half from its target [m]",
+    "hanging_near": "fraction of the towel that hangs on the side of -X of the bar",
+    "hanging_far": "the same on the side of +X",
     "poured": "fraction of the particles in the target cup and not in the other",
     "share": "fraction to be poured",
     "sim_steps": "sim steps that the last action took",

@@ -27,7 +27,7 @@ from softgym_mj.cli.console import (
 from softgym_mj.policies.episodes import Episode, play
 from softgym_mj.policies.exported import observes
 from softgym_mj.policies.factory import SIMPLE
-from softgym_mj.registry import find
+from softgym_mj.registry import SUITES, find, task_names
 from softgym_mj.rendering.look import PAPER
 from softgym_mj.rendering.offscreen import write_picture
 from softgym_mj.storage.files import make_folder
@@ -37,7 +37,7 @@ VIDEO_SIZE = 480  # Side of a video [pixels].
 
 
 def list_tasks() -> None:
-    """Lists the tasks: a table, or tab-separated lines if the output is not a terminal.
+    """Lists the tasks by suite: a table, or tab-separated lines if the output is no terminal.
 
     The columns of a line are name, Gymnasium id, tags, horizon, action repeat and goal.
     """
@@ -48,18 +48,19 @@ def list_tasks() -> None:
             row = record.name, record.gymnasium_id, tags, *lengths, record.summary
             typer.echo("\t".join(row))
         return
-    table = rich.table.Table(box=rich.box.SIMPLE)
-    for title in ("task\nGymnasium id", "tags", "horizon\nrepeat"):
-        table.add_column(title, no_wrap=True)
-    table.add_column("goal")
-    for record in softgym_mj.TASKS.values():
-        table.add_row(
-            f"{record.name}\n{record.gymnasium_id}",
-            "\n".join(record.tags),
-            f"{record.horizon}\n{record.action_repeat}",
-            record.summary,
-        )
-    console.print(table)
+    for suite in SUITES:
+        table = rich.table.Table(box=rich.box.SIMPLE, title=f"suite {suite}", title_justify="left")
+        for title in ("task\nGymnasium id", "tags", "horizon\nrepeat"):
+            table.add_column(title, no_wrap=True)
+        table.add_column("goal")
+        for record in map(find, task_names(suite)):
+            table.add_row(
+                f"{record.name}\n{record.gymnasium_id}",
+                "\n".join(record.tags),
+                f"{record.horizon}\n{record.action_repeat}",
+                record.summary,
+            )
+        console.print(table)
 
 
 def demo(

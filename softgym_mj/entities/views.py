@@ -133,6 +133,10 @@ FRAMED = {
         ((-1.316, -0.365, 0.972), (0.31, 0.071, 0.0), 30.0),
         ((-1.332, 0.032, 1.091), (0.226, 0.032, 0.0), 30.0),
     ),
+    "hang_cloth": (
+        ((1.1, -1.0, 0.9), (0.0, 0.0, 0.12), 30.0),
+        ((1.4, -1.2, 1.1), (0.0, 0.0, 0.15), 30.0),
+    ),
     "pour_water": (
         ((-1.649, -1.132, 1.582), (0.723, 0.238, 0.0), 30.0),
         ((-1.66, -1.113, 1.582), (0.711, 0.257, 0.0), 30.0),
@@ -176,6 +180,7 @@ _OTHERS: Mapping[str, Mapping[str, Any]] = {
     "rope_configuration": _ROPES,
     "fold_cloth": _FOLDED,
     "fold_crumpled_cloth": _FOLDED,
+    "hang_cloth": {"target": (0.0, 0.0, 0.2), "radius": 0.65},
     "spread_cloth": {"target": (-0.05, 0.0, 0.2), "radius": 0.8},
     "drop_cloth": _HANGING,
     "drop_fold_cloth": {**_HANGING, "target": (0.2, 0.0, 0.7), "radius": 0.96},

@@ -1,6 +1,5 @@
-"""The `softgym` domain of `dm_control.suite`."""
+"""The domains `softgym` and `softgym_plus` of `dm_control.suite`."""
 
-import sys
 from collections.abc import Mapping
 
 from softgym_mj import registry
@@ -25,24 +24,27 @@ def _constructor(name: str):
     return build
 
 
-def _tasks():
-    from dm_control.utils import containers
+class _Domain:
+    """Domain of a suite, as a module of dm_control's that has tasks."""
 
-    tasks = containers.TaggedTasks()
-    for record in registry.TASKS.values():
-        tasks.add(*record.tags, "no_reward_visualization")(_constructor(record.name))
-    return tasks
+    def __init__(self, suite: str):
+        self._suite = suite
 
+    @property
+    def SUITE(self):
+        """Tasks by name and tag, built at each use: tags require importing the tasks."""
+        from dm_control.utils import containers
 
-def __getattr__(name: str):
-    if name == "SUITE":  # dm_control.suite expects this attribute; it is built on first use.
-        return _tasks()
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        tasks = containers.TaggedTasks()
+        for name in registry.task_names(self._suite):
+            tags = registry.TASKS[name].tags
+            tasks.add(*tags, "no_reward_visualization")(_constructor(name))
+        return tasks
 
 
 def register() -> None:
-    """Registers the domain for `dm_control.suite.load("softgym", task)`, and lists its tasks."""
+    """Registers the domains for `dm_control.suite.load("softgym", task)`, and lists their tasks."""
     from dm_control import suite
 
-    suite._DOMAINS[registry.DOMAIN] = sys.modules[__name__]
+    suite._DOMAINS.update({name: _Domain(name) for name in registry.SUITES})
     registry.list_in_suite()

@@ -1,4 +1,4 @@
-"""The ten tasks, one file each; `shared` has what several of them use."""
+"""The tasks, one file each; `shared` has what several of them use."""
 
 from softgym_mj.metrics import Measures
 from softgym_mj.robots.workspace import ToolStart, Workspace
@@ -6,6 +6,7 @@ from softgym_mj.tasks.drop_cloth import DropCloth
 from softgym_mj.tasks.drop_fold_cloth import DropFoldCloth
 from softgym_mj.tasks.fold_cloth import FoldCloth
 from softgym_mj.tasks.fold_crumpled_cloth import FoldCrumpledCloth
+from softgym_mj.tasks.hang_cloth import HangCloth
 from softgym_mj.tasks.pour_water import PourWater
 from softgym_mj.tasks.pour_water_amount import PourWaterAmount
 from softgym_mj.tasks.rope_configuration import RopeConfiguration
@@ -26,6 +27,7 @@ __all__ = [
     "Episode",
     "FoldCloth",
     "FoldCrumpledCloth",
+    "HangCloth",
     "Measures",
     "PourWater",
     "PourWaterAmount",

@@ -27,6 +27,7 @@ QUICKSTART = (ROOT / "docs" / "quickstart.md").read_text()
 MIGRATION = (ROOT / "docs" / "migration.md").read_text()
 DOMAIN = (ROOT / "docs" / "domain.md").read_text()
 ARGUMENTS = (ROOT / "docs" / "arguments.md").read_text()
+PLUS = (ROOT / "docs" / "softgym_plus.md").read_text()
 CUSTOM_TASKS = (ROOT / "docs" / "custom_tasks.md").read_text()
 ROBOTS = (ROOT / "docs" / "robots.md").read_text()
 REALITY = (ROOT / "docs" / "reality.md").read_text()
@@ -163,7 +164,9 @@ def test_make_targets_exist_and_ci_runs_the_test_command():
 def test_tables_list_every_task_and_argument():
     assert "](docs/videos/tasks.webp)" in README
     for name, record in registry.TASKS.items():
-        assert f"[`{name}`](docs/tasks/{name}.md)" in README
+        is_softgym = record.suite == registry.DOMAIN
+        assert (f"[`{name}`](docs/tasks/{name}.md)" in README) == is_softgym
+        assert (f"[`{name}`](tasks/{name}.md)" in PLUS) != is_softgym
         assert f"](../videos/{name}.webp)" in (ROOT / "docs/tasks" / f"{name}.md").read_text()
         for argument in record.arguments:
             assert f"`{argument}`" in ARGUMENTS

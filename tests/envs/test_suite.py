@@ -12,7 +12,7 @@ import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError, UnexpectedArgumentError
 from softgym_mj.tasks.straighten_rope import StraightenRope
 
-OURS = tuple(softgym_mj.TASKS)
+OURS, PLUS = map(softgym_mj.registry.task_names, softgym_mj.registry.SUITES)
 
 
 @pytest.mark.parametrize(
@@ -24,22 +24,24 @@ OURS = tuple(softgym_mj.TASKS)
     ],
 )
 def test_the_lists_have_it_whatever_the_order_of_imports(imports):
-    code = f"{imports}; print(len(suite.ALL_TASKS), *suite.TASKS_BY_DOMAIN['softgym'])"
+    ours = "suite.TASKS_BY_DOMAIN['softgym'], *suite.TASKS_BY_DOMAIN['softgym_plus']"
+    code = f"{imports}; print(len(suite.ALL_TASKS), *{ours})"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     count, *names = done.stdout.split()
-    assert tuple(names) == OURS and int(count) == len(suite.ALL_TASKS) > len(OURS) + 40
+    assert tuple(names) == (*OURS, *PLUS) and int(count) == len(suite.ALL_TASKS) > len(OURS) + 40
 
 
 def test_all_lists(register):
     """The lists that need no tags; tasks that are registered later are in them, too."""
     for tag in ("easy", "hard"):
-        expected = {name for name, record in softgym_mj.TASKS.items() if tag in record.tags}
+        expected = {name for name in OURS if tag in softgym_mj.TASKS[name].tags}
         assert set(suite._DOMAINS["softgym"].SUITE.tagged(tag)) == expected
+    assert {*suite._DOMAINS["softgym_plus"].SUITE} == {*PLUS} == {*softgym_mj.TASKS} - {*OURS}
     assert suite._get_tasks(None) == suite.ALL_TASKS
     assert suite._get_tasks("no_reward_visualization") == suite.NO_REWARD_VIZ
     assert suite._get_tasks_by_domain(suite.ALL_TASKS) == suite.TASKS_BY_DOMAIN
     assert set(suite.EXTRA) == {*suite.ALL_TASKS} - {*suite.BENCHMARKING}
-    ours = {("softgym", task) for task in OURS}
+    ours = {("softgym", task) for task in OURS} | {("softgym_plus", task) for task in PLUS}
     assert ours <= set(suite.EXTRA) and ours <= set(suite.NO_REWARD_VIZ)
     assert not ours & {*suite.BENCHMARKING, *suite.REWARD_VIZ}
     register("another_rope", StraightenRope)

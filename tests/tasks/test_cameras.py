@@ -159,9 +159,9 @@ def test_a_pyramid_touches_what_it_is_around():
         np.testing.assert_allclose(back / np.linalg.norm(back), direction.axes[2], atol=5e-3)
 
 
-def test_the_figures_are_of_all_tasks():
+def test_the_figures_are_of_all_tasks_of_softgym():
     found = json.loads(framing.FILE.read_text())
     for figures in found.values():
-        assert set(figures) == set(softgym_mj.TASKS)
+        assert set(figures) == set(softgym_mj.registry.task_names("softgym"))
         for actors in figures.values():
             assert {"default"} < set(actors) <= set(framing.ACTORS)

@@ -35,6 +35,11 @@ _SETTLED_RMS = 0.01
 _MAX_STEPS = 2000
 _TREMBLE, _TREMBLE_STEPS = 1e-3, 100
 
+# Towel: length along X and width [particles] (upper ends exclusive), distance of its end from the
+# given place and offset along Y [m], and rotation [rad].
+_TOWEL_LENGTHS, _TOWEL_WIDTHS = (59, 82), (39, 56)
+_TOWEL_GAP, _TOWEL_SHIFT, _TOWEL_ANGLE = (0.12, 0.17), 0.04, np.pi / 18
+
 # [m] Hanging cloth: X, height of its lower edge, and the lowest upper edge.
 _HANG_X, _HANG_BOTTOM, _LOWEST_TOP = (-0.1, 0.1), (0.1, 0.2), 0.5
 _HANG_JITTER = 1e-3  # [m]
@@ -153,6 +158,38 @@ class FlatCloth(_SizedCloth):
         """Waits until the cloth rests."""
         yield from scene.settle(_FALL_STEPS)
         return centered(scene.points)
+
+
+@dataclasses.dataclass(frozen=True)
+class FlatTowel(FlatCloth):
+    """Flat towel that ends shortly before a place along X, rotated a little about the vertical.
+
+    Attributes:
+        end_x: X of this place [m].
+    """
+
+    size_range: tuple[int, int] = (_TOWEL_WIDTHS[0], _TOWEL_LENGTHS[1])
+    name: str = "flat_towel"
+    end_x: float = 0.0
+
+    @property
+    def parameters(self) -> dict[str, object]:
+        """Parameters that determine the states, the given place among them."""
+        return {**super().parameters, "end_x": self.end_x}
+
+    def dims(self, index: int) -> tuple[int, int]:
+        random = generator(self.name, index)
+        return int(random.integers(*_TOWEL_LENGTHS)), int(random.integers(*_TOWEL_WIDTHS))
+
+    def angle(self, index: int) -> float:
+        return float(generator(f"{self.name}/angle", index).uniform(-_TOWEL_ANGLE, _TOWEL_ANGLE))
+
+    def procedure(self, index: int, flex: Cloth, scene: Settling) -> Procedure:
+        """Waits until the towel rests, and moves it to its place."""
+        points = yield from super().procedure(index, flex, scene)
+        random = generator(f"{self.name}/place", index)
+        end, y = self.end_x - random.uniform(*_TOWEL_GAP), random.uniform(-1.0, 1.0) * _TOWEL_SHIFT
+        return points + [end - points[:, 0].max(), y, 0.0]
 
 
 @dataclasses.dataclass(frozen=True)
