@@ -10,9 +10,9 @@ from collections.abc import Sequence
 
 from PIL import Image
 
+from softgym_mj import registry
 from softgym_mj.envs.load import load
 from softgym_mj.policies.episodes import play
-from softgym_mj.registry import TASKS
 from softgym_mj.robots.arm.models import ARMS
 
 FOLDER = pathlib.Path(__file__).parent.parent / "docs" / "gallery"
@@ -37,7 +37,7 @@ def moment(task: str, actor: str) -> tuple[dict[str, str], int]:
 
 def main(names: Sequence[str]) -> None:
     FOLDER.mkdir(parents=True, exist_ok=True)
-    for name in names or TASKS:
+    for name in names or registry.task_names(registry.DOMAIN):
         for actor in ACTORS:
             settings, step = moment(name, actor)
             env = load(name, split="all", look="paper", **settings)

@@ -5,7 +5,7 @@ import pathlib
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from softgym_mj.registry import TASKS
+from softgym_mj.registry import DOMAIN, task_names
 from tools.pages import table
 
 DOCS = pathlib.Path(__file__).parent.parent / "docs"
@@ -21,7 +21,7 @@ def rates() -> str:
     found = measured("gpu")
     numbers = sorted({int(number) for own in found["rates"].values() for number in own})
     rows = []
-    for task in TASKS:
+    for task in task_names(DOMAIN):
         by_number = found["rates"].get(task, {})
         own = [by_number.get(str(number)) for number in numbers]
         cells = [f"{rate['env_steps_per_s']:,.0f}" if rate else "not yet" for rate in own]
@@ -41,7 +41,7 @@ def images() -> str:
     """Env steps per second with images, and how alike images are."""
     found, alike = measured("gpu").get("images", {}), measured("pictures")
     rows = []
-    for task in TASKS:
+    for task in task_names(DOMAIN):
         cells = ["not yet"] * 3
         if task in found:
             without, own = (found[task][name]["env_steps_per_s"] for name in ("without", "with"))
@@ -87,7 +87,7 @@ def long() -> str:
     """Many env steps in a row: rate and memory at first and at last."""
     found: Mapping[str, Any] = measured("gpu_steps")
     rows = []
-    for task in (name for name in TASKS if name in found):
+    for task in (name for name in task_names(DOMAIN) if name in found):
         own = found[task]
         rate, memory = own["env_steps_per_s"], own["memory_gb"]
         cells = f"{own['env_steps']:,}", *(f"{rate[i]:,.0f}" for i in (1, -1))

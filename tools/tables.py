@@ -13,7 +13,8 @@ from collections.abc import Callable
 from benchmarks import experts
 from softgym_mj.evaluation import comparison, plots
 from softgym_mj.learning.results import planned_env_steps
-from softgym_mj.registry import TASKS
+from softgym_mj.registry import DOMAIN as SOFTGYM
+from softgym_mj.registry import PLUS, TASKS, task_names
 from softgym_mj.robots.arm.models import ARMS
 from softgym_mj.variations.randomization import Parameter
 from tools import (
@@ -48,6 +49,7 @@ PAGES = (
     PHYSICS,
     LEARNING,
     CUSTOM,
+    BEYOND,
 ) = (
     ROOT / "README.md",
     DOCS / "domain.md",
@@ -60,6 +62,7 @@ PAGES = (
     DOCS / "physics.md",
     DOCS / "learning.md",
     DOCS / "custom_tasks.md",
+    DOCS / "softgym_plus.md",
 )
 POLICIES = ("zero", "random", "scripted", "cem", "icem")
 
@@ -166,7 +169,7 @@ def pictures() -> str:
         "share_worst": ".1f",
         "whole_frames": ".0f",
     }
-    for task in TASKS:
+    for task in task_names(SOFTGYM):
         for actor in framing.ACTORS:
             if actor not in found["after"].get(task, {}):
                 continue  # Not yet measured.
@@ -180,10 +183,11 @@ def pictures() -> str:
 
 
 def overview(scores: experts.Scores) -> str:
-    """The README's table of the tasks: goals, scores, speeds."""
+    """The README's table of SoftGym's tasks: goals, scores, speeds."""
     rates, on_gpus = measured("throughput")["tasks"], measured("gpu")["rates"]
     rows = []
-    for name, record in TASKS.items():
+    for name in task_names(SOFTGYM):
+        record = TASKS[name]
         played = score(scores[name]["default"]) if name in scores else "not yet played"
         rate = f"{rates[name]['env_steps_per_second']:.0f}" if name in rates else "not yet measured"
         page = f"[`{name}`](docs/tasks/{name}.md)"
@@ -193,6 +197,17 @@ def overview(scores: experts.Scores) -> str:
         rows.append(f"| {' | '.join(row)} |")
     head = "| task | level | goal | scripted expert | env steps/s, one core | one H100 |"
     return table(head, rows)
+
+
+def beyond(scores: experts.Scores) -> str:
+    """The table of the tasks beyond SoftGym: goals and scores."""
+    rows = []
+    for name in task_names(PLUS):
+        level, material = TASKS[name].tags
+        played = [score(scores[name][actor]) for actor in ("default", "franka")]
+        row = f"[`{name}`](tasks/{name}.md)", level, material, TASKS[name].summary, *played
+        rows.append(f"| {' | '.join(row)} |")
+    return table("| task | level | material | goal | expert, pickers | expert, Franka |", rows)
 
 
 def parameters() -> str:
@@ -217,7 +232,7 @@ def parameters() -> str:
 def stills() -> str:
     """Pictures of all tasks with every kind of actor."""
     rows = []
-    for name in TASKS:
+    for name in task_names(SOFTGYM):
         shown = (f"![{name}, {actor}](gallery/{name}-{actor}.jpg)" for actor in gallery.ACTORS)
         rows.append(f"| `{name}` | {' | '.join(shown)} |")
     return table(f"| task | abstract actor | {' | '.join(f'`{arm}`' for arm in ARMS)} |", rows)
@@ -230,6 +245,7 @@ def pages() -> dict[pathlib.Path, str]:
     texts[ROBOTS] = between(texts[ROBOTS], "speed", arm_speeds())
     texts[README] = between(texts[README], "learned", learned.overview())
     texts[README] = between(texts[README], "tasks", overview(scores))
+    texts[BEYOND] = between(texts[BEYOND], "tasks", beyond(scores))
     texts[README] = between(texts[README], "reality", reality_table.summary())
     texts[GPU] = between(texts[GPU], "speed", materials())
     texts[GPU] = between(texts[GPU], "processes", processes())

@@ -2,7 +2,7 @@
 
 `python -m tools.videos` (`make videos`) writes them, in 15 minutes without a GPU. Arguments select
 some: names of tasks, of policies in docs/results/policies such as straighten_rope-sac, or of `ARMS`
-(the expert with an arm that uses its wrist). `tasks.webp` shows all tasks and arms for
+(the expert with an arm that uses its wrist). `tasks.webp` shows SoftGym's tasks and arms for
 eight seconds, made of the others.
 """
 
@@ -17,7 +17,7 @@ from PIL import Image, ImageDraw, ImageFont
 from softgym_mj.envs.load import load
 from softgym_mj.policies.episodes import play
 from softgym_mj.policies.exported import has_images, observes
-from softgym_mj.registry import TASKS
+from softgym_mj.registry import DOMAIN, TASKS, task_names
 
 DOCS = pathlib.Path(__file__).parent.parent / "docs"
 FOLDER, LEARNED = DOCS / "videos", DOCS / "results" / "policies"
@@ -83,8 +83,8 @@ def labeled(video: pathlib.Path) -> tuple[list[np.ndarray], np.ndarray]:
 
 
 def all_tasks(folder: pathlib.Path) -> list[np.ndarray]:
-    """Returns images of all tasks and arms side by side, at one speed; finished ones hold."""
-    videos = [labeled(folder / f"{name}.webp") for name in (*TASKS, *ARMS)]
+    """Returns images of SoftGym's tasks and arms side by side, at one speed; finished ones hold."""
+    videos = [labeled(folder / f"{name}.webp") for name in (*task_names(DOMAIN), *ARMS)]
     longest = max(ends[-1] - HOLD for _, ends in videos)
     frames = []
     for now in np.linspace(0.0, longest, FRAMES):
@@ -123,7 +123,7 @@ def main(names: Sequence[str]) -> None:
         score = episode.info["normalized_performance"][-1]
         print(f"{file.name}: {len(frames)} pictures, {file.stat().st_size / 1e3:.0f} kB, "
               f"normalized performance {score:.2f}")  # fmt: skip
-    if not names or set(names) & {*TASKS, *ARMS}:
+    if not names or set(names) & {*task_names(DOMAIN), *ARMS}:
         write_video(all_tasks(FOLDER), FRAME, FOLDER / "tasks.webp")
 
 

@@ -9,6 +9,8 @@ import sys
 
 import pytest
 
+from softgym_mj.registry import DOMAIN, task_names
+
 ROOT = pathlib.Path(__file__).parents[2]
 REPOSITORY = "https://github.com/owner/name"
 # Modules that are commands or their output, not an interface.
@@ -79,7 +81,7 @@ def test_tables_have_classes_that_fit_them_to_phones():
 def test_the_hero_is_a_grid_of_all_videos_with_captions():
     from tools import site_layout, videos
 
-    assert list(site_layout.VIDEOS) == [*videos.TASKS, *videos.ARMS]
+    assert list(site_layout.VIDEOS) == [*task_names(DOMAIN), *videos.ARMS]
     hero = '<p>A</p><p><img alt="All" src="videos/tasks.webp" /></p><p>B</p>'
     page = site_layout.on_page_content(hero, None, None, None)
     assert page.startswith("<p>A</p><div") and page.endswith("</div><p>B</p>")
