@@ -44,7 +44,21 @@ inline void BoundBoxes(const Environment& w, const Items& items) {
   });
 }
 
+// Appends a pair of items unless they have a corner in common.
+inline void Append(const Environment& w, const Items& a, int item, const Items& b, int other, int* count, int* out) {
+  bool shared = false;
+  for (int c = 0; c < a.corners; ++c) {
+    for (int d = 0; d < b.corners; ++d) shared = shared || a.Corner(item, c) == b.Corner(other, d);
+  }
+  if (shared) return;
+  const int n = Add(count, 1);
+  if (n >= w.model->candidates) return;
+  out[2 * n] = item;
+  out[2 * n + 1] = other;
+}
+
 // Appends pairs of items with overlapping boxes and no common corner; each pair once if `same`.
+#ifdef __CUDACC__
 inline void Collect(const Environment& w, const Items& a, const Items& b, bool same, int* count, int* out) {
   EachBlock(0, a.leaves * kBlock, [&](int place) {
     const int item = a.order[place], own = place / kBlock;
@@ -61,22 +75,38 @@ inline void Collect(const Environment& w, const Items& a, const Items& b, bool s
         if (same && leaf == own) hits &= ~1u << place % kBlock;
         if (!hits) continue;
         EachLane([&](int lane) {
-          if (!(hits >> lane & 1)) return;
-          const int other = b.order[kBlock * leaf + lane];
-          bool shared = false;
-          for (int c = 0; c < a.corners; ++c) {
-            for (int d = 0; d < b.corners; ++d) shared = shared || a.Corner(item, c) == b.Corner(other, d);
-          }
-          if (shared) return;
-          const int n = Add(count, 1);
-          if (n >= w.model->candidates) return;
-          out[2 * n] = item;
-          out[2 * n + 1] = other;
+          if (hits >> lane & 1) Append(w, a, item, b, b.order[kBlock * leaf + lane], count, out);
         });
       }
     }
   });
 }
+#else
+// Leaves are tested before items, because one thread tests all of them.
+inline void Collect(const Environment& w, const Items& a, const Items& b, bool same, int* count, int* out) {
+  EachBlock(0, a.leaves, [&](int own) {
+    Lanes3 low, high, item_low, item_high;
+    Broadcast(a.nodes[own / kBlock], own % kBlock, &low, &high);
+    for (int node = same ? own / kBlock : 0; node < b.NumNodes(); ++node) {
+      unsigned near = Touching(b.nodes[node], low, high);
+      if (same && node == own / kBlock) near &= ~0u << own % kBlock;
+      for (; near; near &= near - 1) {
+        const int leaf = kBlock * node + FirstBit(near);
+        const unsigned others = Touching(b.boxes[leaf], low, high);
+        if (!others) continue;
+        Broadcast(b.nodes[node], leaf % kBlock, &item_low, &item_high);
+        for (unsigned items = Touching(a.boxes[own], item_low, item_high); items; items &= items - 1) {
+          const int lane = FirstBit(items), item = a.order[kBlock * own + lane];
+          Broadcast(a.boxes[own], lane, &item_low, &item_high);
+          unsigned hits = Touching(b.boxes[leaf], item_low, item_high) & others;
+          if (same && leaf == own) hits &= ~1u << lane;
+          for (; hits; hits &= hits - 1) Append(w, a, item, b, b.order[kBlock * leaf + FirstBit(hits)], count, out);
+        }
+      }
+    }
+  });
+}
+#endif  // __CUDACC__
 
 // Finds candidates for vertices at `position` that move by `move`; earlier candidates suffice while vertices stay in
 // their boxes.
