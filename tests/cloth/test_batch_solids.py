@@ -72,7 +72,8 @@ STATIC = """
 
 @pytest.mark.parametrize("flex", FLEXES)
 @pytest.mark.parametrize("shape", SHAPES)
-def test_static_solids_push_as_in_the_plugin(flex, shape):
+@pytest.mark.parametrize("speed", [1.0, 8.0])
+def test_static_solids_push_as_in_the_plugin(flex, shape, speed):
     turn = " ".join(map(str, TURN))
     moving = body("moving", (0.0, 0.0, 0.07), HEAVY, f'name="moving" {SHAPES["sphere"]}')
     scenery = STATIC.format(low=SHAPES[shape], high=SHAPES[shape], moving=moving, turn=turn)
@@ -88,7 +89,8 @@ def test_static_solids_push_as_in_the_plugin(flex, shape):
     solver.start(0, describe(model, [], solids=solids))
     forces = np.zeros((3, 3))
     for i in range(60):
-        motion = pushed.push({"moving": (0.1, 0.02, 0.1 * np.cos(i / 9), 0.5, 0.3, 1.5)})
+        up = 0.1 * speed * np.cos(speed * i / 9)
+        motion = pushed.push({"moving": (0.1, 0.02, up, 0.5, 0.3, 1.5)})
         whole = [np.insert(part, [0, 1], 0.0, axis=1) for part in motion]
         whole[0][0, [0, 2]] = still
         whole[3] = np.ones((1, 3))

@@ -7,6 +7,7 @@
 #include "cloth/batch/search.h"
 #include "cloth/batch/springs.h"
 #include "cloth/batch/touch.h"
+#include "cloth/plugin/lift.h"
 #include "cloth/plugin/meets.h"
 #include "cloth/plugin/method.h"
 
@@ -120,6 +121,26 @@ inline bool LiftOut(const Environment& w) {
   return w.step->lifted;
 }
 
+// Removes displacements of impact zones into static solids, as `Solids::LiftOut`.
+inline void LiftOutOfStatic(const Environment& w) {
+  const Model& m = *w.model;
+  for (int round = 0; round < kLiftRounds; ++round) {
+    for (int i = 0; i < m.grippers + Solids(m); ++i) {
+      const int t = m.At<int>(m.order_at)[i];
+      if (!m.At<Solid>(m.solids_at)[t].is_static) continue;
+      const Touch& touch = w.touch[t];
+      const auto lift = [&](const SolidBlock& block) {
+        if (!block.active) return;
+        OneLane([&] {
+          for (int lane = 0; lane < kBlock; ++lane) Lift(w.points, block, lane, w.motion, w.speed);
+        });
+      };
+      EachColor(touch.points, [&](int b) { lift(touch.point_blocks[b]); });
+      EachColor(touch.triangles, [&](int b) { lift(touch.triangle_blocks[b]); });
+    }
+  }
+}
+
 // Computes displacements and final velocities of the step.
 inline void FinishMotion(const Environment& w) {
   const Model& m = *w.model;
@@ -172,12 +193,14 @@ inline void FinishMotion(const Environment& w) {
   }
   if (!changed) return;
   // Entry faces of small solids are those at the end of the motion.
-  for (int round = 0; TouchesBodies(w) && round < kLifts; ++round) {
+  const bool stands = kSolids && m.static_solids > 0;
+  for (int round = 0; (TouchesBodies(w) || stands) && round < kLifts; ++round) {
     Each(4 * m.padded, [&](int i) { w.points.before[i] = w.points.now[i]; });
     Each(n, [&](int v) {
       for (int k = 0; k < 3; ++k) w.points.now[4 * v + k] = static_cast<float>(w.motion[3 * v + k]);
     });
     FindTouches(w, 1);
+    if (stands) LiftOutOfStatic(w);
   }
   // Zones that are squeezed against a plane stop.
   if (LiftOut(w)) PreventImpacts(w, true);

@@ -159,6 +159,7 @@ std::string Write(const mjModel* m, const Workspace& w, const std::vector<int>& 
   model.grippers = grippers;
   model.solids = static_cast<int>(geoms.size()) - grippers;
   model.bodies = static_cast<int>(first_solids.size());
+  for (const Solid& solid : solids) model.static_solids += solid.is_static;
   model.sweeps = w.settings.sweeps;
   model.points = static_cast<int>(room * kPointsOfSolid);
 

@@ -28,6 +28,7 @@ struct Model {
   int bend_interval, substeps, takes_air;
   int has_slim;                  // As in Mesh.
   int grippers, solids, bodies;  // `bodies`: one for each gripper, then those of solids.
+  int static_solids;             // Number of solids on bodies without joints.
   int sweeps;                    // Sweeps over contacts near dynamic bodies per substep.
   int points;                    // Room for fixed contact points of a small solid.
   int candidates, found, rows;   // Room for candidates of each kind, for pairs that may touch, and for rows.
