@@ -70,7 +70,7 @@ class Arena(composer.Arena, Parametric):
             view = VIEWS[view]
         overview = view.overview_with_arms if arms else view.overview
         pose = view.with_arms if arms and view.with_arms is not None else view.camera
-        self.view = view
+        self.view, self._has_arms = view, arms
         super()._build(name=name, xml_path=assets.path("arena.xml"))
         shift = np.array([view.middle, 0.0, 0.0])
         overview = dataclasses.replace(overview, position=tuple(overview.position + shift))
@@ -122,7 +122,7 @@ class Arena(composer.Arena, Parametric):
         check_name("type", type, SOLIDS)
         # Its own friction and softness override those of what rests on it.
         contact = {
-            "conaffinity": OBJECT_CONTACT | GRIPPER_CONTACT,
+            "conaffinity": OBJECT_CONTACT | (GRIPPER_CONTACT if self._has_arms else 0),
             "priority": 1,
             "solref": (_SOLID_TIME, 1.0),
         }

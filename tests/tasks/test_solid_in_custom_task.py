@@ -49,4 +49,4 @@ def test_a_towel_hangs_over_a_bar(page, actor, variation):
 @pytest.mark.parametrize("actor", ["picker", "franka"])
 def test_the_towel_slides_off_where_grippers_open_next_to_the_bar(page, actor, monkeypatch):
     monkeypatch.setitem(page, "BEYOND", 0.03)
-    assert played(page, actor, 803).info()["performance"] < 0.3
+    assert played(page, actor, 803).info()["performance"] < 0.4

@@ -61,3 +61,23 @@ def test_a_snapshot_of_a_hanging_towel_continues_anywhere(episodes):
 def test_arms_are_refused():
     with pytest.raises(InvalidArgumentError, match="fixed solids"):
         softgym_mj.make_vec("hang_cloth", 2, device="host", actor="franka")
+
+
+def test_pickers_pass_through_the_bar_and_its_posts():
+    envs = softgym_mj.make_vec("hang_cloth", 1, device="host", **SETTINGS)
+    env = SoftGymEnv("hang_cloth", **SETTINGS)
+    envs.reset(seed=0, options={"variation": 803})
+    env.reset(options={"variation": 803})
+    action = np.array([0.5, -0.6, 0.0, 0.0, 0.5, 0.6, 0.0, 0.0], np.float32)
+    reached = []
+    for k in range(12):
+        observations, *_ = envs.step(action[None])
+        observation, *_ = env.step(action)
+        np.testing.assert_array_equal(observations[0], observation)
+        assert env.dm_env.physics.data.ncon == 0
+        reached.append(env.dm_env.task.actor.positions())
+        action[[0, 4]] = 0.5 if k < 2 else -0.2
+    posts = np.array([[0.1, -0.36], [0.1, 0.36]])
+    away = np.linalg.norm(np.array(reached)[..., :2] - posts, axis=-1)
+    assert away.min() < env.dm_env.task.actor.radius
+    envs.close()
