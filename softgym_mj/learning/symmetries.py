@@ -67,7 +67,8 @@ def symmetries(env: Environment) -> list[Symmetry]:
     if not task.symmetries:
         raise InvalidArgumentError("task", env.name, SYMMETRIC)
     if task.actor.name != "picker":
-        raise InvalidArgumentError("actor", task.actor.name, f"'picker'; or {WITHOUT}")
+        valid = f"'picker', as others have no symmetries; or {WITHOUT}"
+        raise InvalidArgumentError("actor", task.actor.name.split("/")[0], valid)
     number = task.actor.num_grippers
     orders = [tuple(range(number)), tuple(reversed(range(number)))][: min(number, 2)]
     entries = task.reduced(task.scene.state(), task.episode)

@@ -164,13 +164,13 @@ def test_the_overview_is_there_once_something_was_learned(monkeypatch):
     monkeypatch.setattr(learned, "rows", lambda: [*planned, *worse, *_training()])
     head, _, *rows = learned.overview().splitlines()[:4]
     assert head == "| task | no action | policy on states | policy on images | CEM |"
-    best = "0.50 (0.40 to 0.90) \u2020, SAC"
+    best = "0.50 (0.40 to 0.90) \u2020, SAC; success 0.40"
     assert rows == [
-        "| `fold_cloth` | 0.25 | | | 0.90 |", f"| `straighten_rope` | | {best} | | |",
+        "| `fold_cloth` | 0.25 | | | 0.90; success 1.00 |", f"| `straighten_rope` | | {best} | | |",
     ]  # fmt: skip
     alone = [row for row in _training() if not row.seed]
     monkeypatch.setattr(learned, "rows", lambda: alone)
-    assert "SAC, 1 seed |" in learned.overview()
+    assert "SAC, 1 seed; success" in learned.overview()
     image = [dataclasses.replace(row, observation="rgb+held") for row in _training()]
     monkeypatch.setattr(learned, "rows", lambda: image)
     assert "| | 0.50 (0.40 to 0.90), SAC | |" in learned.overview()

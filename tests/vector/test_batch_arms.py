@@ -294,7 +294,7 @@ def test_arms_that_diverge_end_their_environment():
 
 
 def test_what_batches_cannot_do_with_arms_is_refused(monkeypatch):
-    with pytest.raises(InvalidArgumentError, match="action_repeat=3, not a multiple of 2"):
+    with pytest.raises(InvalidArgumentError, match=r"action_repeat=3 \(odd\) with arms"):
         _make("straighten_rope", action_repeat=3)
     monkeypatch.delitem(sys.modules, "softgym_mj.vector.batch.arms")
     monkeypatch.setitem(sys.modules, "jax", None)

@@ -56,7 +56,7 @@ class ArmClothBatch(ClothBatch):
         if task.physics_timestep != SIM_STEP:
             raise cpu_only(f"timestep={task.physics_timestep}")
         if task.action_repeat % SOLVE_EVERY:
-            raise cpu_only(f"action_repeat={task.action_repeat}, not a multiple of {SOLVE_EVERY},")
+            raise cpu_only(f"action_repeat={task.action_repeat} (odd) with arms")
 
     @functools.cached_property
     def _arms(self) -> PushedArms:

@@ -33,7 +33,7 @@ class FluidBatch(BatchPhysics):
         """
         task, self._env = env.task, env
         if type(task.actor) is not CupMover:
-            raise cpu_only(f"actor={task.actor.name.split('/')[0]!r}")
+            raise cpu_only(f"actor={task.actor.name.split('/')[0]!r} with water")
         if len(task.scene.materials) != 1:
             raise cpu_only(f"a task with several objects {[*task.scene.materials]}")
         (self._name,) = task.scene.materials
