@@ -99,8 +99,8 @@ def overview() -> str:
         "action*: mean over the same 200 variations. Settings of `fold_cloth` and `drop_cloth` "
         "were chosen by held-out scores, so theirs are optimistic. CEM plans with the true "
         "dynamics and learns nothing (ten episodes). Missing tasks and empty cells have no "
-        "published run yet. \u2020: measured before the task's initial states changed. [All methods, "
-        "observations, budgets, curves and policies](docs/results.md)."
+        "published run yet. \u2020: measured before the task's initial states changed. [All "
+        "methods, observations, budgets, curves and policies](docs/results.md)."
     )
 
 

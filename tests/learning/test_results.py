@@ -173,7 +173,7 @@ def test_the_overview_is_there_once_something_was_learned(monkeypatch):
     assert "SAC, 1 seed; success" in learned.overview()
     image = [dataclasses.replace(row, observation="rgb+held") for row in _training()]
     monkeypatch.setattr(learned, "rows", lambda: image)
-    assert "| | 0.50 (0.40 to 0.90), SAC | |" in learned.overview()
+    assert "| | 0.50 (0.40 to 0.90), SAC; success 0.40 | |" in learned.overview()
 
 
 def test_what_doing_nothing_scores_is_of_all_held_out_variations():
