@@ -145,6 +145,10 @@ FRAMED = {
         ((0.497, -0.127, 0.83), (0.034, -0.003, 0.0), 30.0),
         ((-1.143, 0.305, 1.028), (0.04, -0.012, 0.0), 30.0),
     ),
+    "route_cable": (
+        ((0.0, -0.68, 0.9), (0.0, -0.075, 0.0), 30.0),
+        ((-0.95, 0.0, 1.05), (0.0, -0.075, 0.0), 30.0),
+    ),
     "spread_cloth": (
         ((-1.503, -0.01, 0.989), (0.211, -0.01, 0.0), 30.0),
         ((1.515, -0.036, 1.544), (-0.029, -0.036, -0.0), 30.0),
@@ -178,6 +182,7 @@ _OTHERS: Mapping[str, Mapping[str, Any]] = {
     "pour_water": {**_CUPS, "target": (0.4, 0.0, 0.2), "radius": 0.65},
     "straighten_rope": _ROPES,
     "rope_configuration": _ROPES,
+    "route_cable": _ROPES,
     "fold_cloth": _FOLDED,
     "fold_crumpled_cloth": _FOLDED,
     "hang_cloth": {"target": (0.0, 0.0, 0.2), "radius": 0.65},

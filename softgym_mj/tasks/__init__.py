@@ -10,6 +10,7 @@ from softgym_mj.tasks.hang_cloth import HangCloth
 from softgym_mj.tasks.pour_water import PourWater
 from softgym_mj.tasks.pour_water_amount import PourWaterAmount
 from softgym_mj.tasks.rope_configuration import RopeConfiguration
+from softgym_mj.tasks.route_cable import RouteCable
 from softgym_mj.tasks.shared.base import Task
 from softgym_mj.tasks.shared.entries import numbers, point, points
 from softgym_mj.tasks.shared.settings import ClothTaskSettings, CupTaskSettings, TaskSettings
@@ -32,6 +33,7 @@ __all__ = [
     "PourWater",
     "PourWaterAmount",
     "RopeConfiguration",
+    "RouteCable",
     "SpreadCloth",
     "State",
     "StraightenRope",

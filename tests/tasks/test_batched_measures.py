@@ -14,7 +14,7 @@ from softgym_mj.tasks.shared.observations import STATES
 
 VARIATIONS, SAMPLES = (800, 807, 813, 999), 6  # 24 states of four sizes.
 # [m] By which the points of an object or task are moved: far, unless it measures small moves.
-NOISE = {"water": 0.4, "hang_cloth": 0.5}
+NOISE = {"water": 0.4, "hang_cloth": 0.5, "route_cable": 0.1}
 USUAL_NOISE = 0.03
 
 

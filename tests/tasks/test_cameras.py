@@ -19,6 +19,7 @@ USUAL = 0.045
 SHARES = {
     "straighten_rope": 0.012,
     "rope_configuration": 0.016,
+    "route_cable": 0.016,
     "spread_cloth": 0.035,
     "fold_crumpled_cloth": 0.035,
     "drop_fold_cloth": 0.036,
