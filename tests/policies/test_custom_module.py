@@ -119,7 +119,7 @@ def test_workers_find_the_module(folder, monkeypatch):
         ("1 / 0", "own_broken:pull", "ZeroDivisionError.*import own_broken"),
         ("", "own_broken:pull", "own_broken.py'> registers no task.*__main__"),
         ("import own_tasks", "own_broken:pul", "'own_broken:own_pull', 'own_br"),
-        ("", "own_pull", "'transport_water', 'MODULE:NAME'"),
+        ("", "own_pull", "'route_cable', 'MODULE:NAME'"),
         ("", ":own_pull", "'' cannot be imported"),
     ],
 )
