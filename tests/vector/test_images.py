@@ -70,12 +70,13 @@ def test_images_look_like_those_of_an_environment(task, domain):
     options = {"variation": [803, 811]}
     (seen, _), (alone, _) = envs.reset(options=options), env.reset(options={"variation": 811})
     is_water = "water" in softgym_mj.TASKS[task].tags
-    check_images({name: array[1] for name, array in seen.items()}, alone, is_water)
+    color = 3.5 if task == "hang_cloth" else 3.0  # Edges of thin posts.
+    check_images({name: array[1] for name, array in seen.items()}, alone, is_water, color)
     action = np.full(env.action_space.shape, 0.5, np.float32)
     seen, *_ = envs.step(np.stack([action, action]))
     alone, *_ = env.step(action)
     assert all(seen[name].dtype == alone[name].dtype for name in alone)
-    check_images({name: array[1] for name, array in seen.items()}, alone, is_water)
+    check_images({name: array[1] for name, array in seen.items()}, alone, is_water, color)
     envs.close()
     env.close()
 
