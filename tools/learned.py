@@ -1,6 +1,7 @@
 """Tables of docs/results/learning.csv and a figure of its curves, for pages."""
 
 import io
+import itertools
 import pathlib
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -228,8 +229,8 @@ def _panel(
         axes.fill_between(steps / 1000, low, high, color=color, alpha=0.2, linewidth=0)
     comparable = {name[:3] for name in shown}
     compared = (r for r in known if (r.task, r.method, r.observation) in comparable)
-    numbers = (r for r in compared if r.bound == "is")
-    for r, style in zip(numbers, _DASHES, strict=False):
+    numbers = [r for r in compared if r.bound == "is"]
+    for r, style in zip(numbers, itertools.cycle(_DASHES), strict=False):
         label = f"others, {r.method} {r.observation}: {r.value:g}"
         axes.axhline(r.value, color="0.4", linewidth=0.8, linestyle=style, label=label)
     axes.set_title(task, fontsize="medium")

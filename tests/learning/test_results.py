@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 from softgym_mj.cli import commands
 from softgym_mj.evaluation.comparison import read_results
+from softgym_mj.evaluation.plots import new_figure
 from softgym_mj.exceptions import StoreError
 from softgym_mj.learning import curves, results
 from softgym_mj.learning.entering import enter
@@ -148,6 +149,14 @@ def test_the_figure_is_drawn_where_there_are_curves(tmp_path):
     learned.draw(_training(), known, tmp_path / "some.png")
     assert not (tmp_path / "none.png").exists()
     assert (tmp_path / "some.png").stat().st_size > 10_000
+
+
+def test_a_panel_has_all_numbers_of_others():
+    known = [Reference(*NAME[:3], 250, 0.1 * k, "is", "plot", "near") for k in range(5)]
+    axes = new_figure(3.0, 3.0).subplots()
+    learned._panel(axes, NAME[0], learned.curves(_training()), known)
+    drawn = [line.get_ydata()[0] for line in axes.lines if "others" in line.get_label()]
+    assert drawn == [reference.value for reference in known]
 
 
 def test_the_overview_is_there_once_something_was_learned(monkeypatch):
