@@ -16,7 +16,7 @@ import torch
 
 import softgym_mj
 from benchmarks.gpu import machine
-from softgym_mj.learning.learner import Offline, Problem, Step
+from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.registry import METHODS, find_preset
 
 SECONDS = 4.0  # For which the clock runs, about.
@@ -47,9 +47,6 @@ def updates_per_second(name: str, preset: str, task: str, seeds: int, device: st
     no = torch.zeros(lead, dtype=torch.bool, device=device)
 
     def step() -> None:
-        if isinstance(learner, Offline):
-            learner.update_offline()
-            return
         seen, following = (torch.randn(*lead, *observation, device=device) for _ in range(2))
         acted, _ = learner.act(seen, no, None, explore=True)
         learner.learn(Step(seen, acted, torch.rand(lead, device=device), following, no, no))

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol
 
 import torch
 from torch import Tensor, nn
@@ -111,20 +111,6 @@ class Learner(Protocol):
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Restores a state of `get_state`."""
-
-
-@runtime_checkable
-class Offline(Protocol):
-    """Protocol of learners from a fixed data set, with `update_offline` instead of `learn`.
-
-    Attributes:
-        demonstrated: Number of demonstrated env steps of each seed.
-    """
-
-    demonstrated: int
-
-    def update_offline(self) -> dict[str, Tensor]:
-        """Makes one update; returns losses and other metrics (seeds,) by name."""
 
 
 @dataclasses.dataclass(frozen=True)

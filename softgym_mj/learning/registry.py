@@ -22,8 +22,6 @@ from softgym_mj.policies.exported import has_images
 METHODS = {
     "sac": ("sac", "StateSACSettings"),
     "sac_hindsight": ("hindsight", "HindsightSettings"),
-    "sac_points": ("point_sets", "PointSetSettings"),
-    "bc": ("bc", "BCSettings"),
     "rlpd": ("rlpd", "RLPDSettings"),
     "tqc": ("tqc", "TQCSettings"),
     "planet": ("planet.learner", "PlaNetSettings"),
@@ -32,7 +30,6 @@ METHODS = {
     "drq": ("drq", "DrQSettings"),
     "distill": ("distill", "DistillSettings"),
     "teacher_student": ("teacher_student", "TeacherStudentSettings"),
-    "bc_images": ("bc_images", "BCImagesSettings"),
 }
 PRESETS = pathlib.Path(__file__).parent / "methods" / "presets"  # Folder with a file per method.
 _ROOM = "softgym_mj.learning.methods"

@@ -43,12 +43,12 @@ def progress(training: Training) -> None:
 
 def summary(training: Training) -> str:
     """Returns a line with env steps, their rate, time left, updates and the last scores."""
-    total, rate = training.settings.env_steps, training.covered / max(training.seconds, 1e-9)
-    words = [f"{training.phase}: {training.covered:,} of {total:,} env steps"]
-    if training.covered:
+    total, rate = training.settings.env_steps, training.env_steps / max(training.seconds, 1e-9)
+    words = [f"{training.phase}: {training.env_steps:,} of {total:,} env steps"]
+    if training.env_steps:
         words.append(f"{rate * len(training.seeds):.0f}/s")
-    if 0 < training.covered < total:  # The estimate omits the final evaluation.
-        words.append(f"{(total - training.covered) / rate / 60.0:.0f} min left")
+    if 0 < training.env_steps < total:  # The estimate omits the final evaluation.
+        words.append(f"{(total - training.env_steps) / rate / 60.0:.0f} min left")
     words.append(f"{training.learner.updates:,} updates")
     scores = [row for row in training.rows if row["split"] == "evaluate"][-len(training.seeds) :]
     if scores:
@@ -60,8 +60,8 @@ def summary(training: Training) -> str:
 def start(training: Training) -> None:
     """Prints whether a training starts or continues from a checkpoint."""
     text = f"starts in {training.folder}"
-    if training.covered:
-        text = f"continues from {training.covered:,} env steps in {training.folder}"
+    if training.env_steps:
+        text = f"continues from {training.env_steps:,} env steps in {training.folder}"
     line(f"{_name(training)}: {text}")
 
 

@@ -13,7 +13,7 @@ from torch import Tensor
 import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError, SoftGymError, UnavailableError
 from softgym_mj.learning.exploring import Explorer, problem_of
-from softgym_mj.learning.learner import Learner, Method, Offline, check_random_steps
+from softgym_mj.learning.learner import Learner, Method, check_random_steps
 from softgym_mj.learning.players import Players
 from softgym_mj.learning.registry import METHODS, image_methods
 from softgym_mj.learning.settings import TrainingSettings
@@ -115,7 +115,7 @@ class TrainingSetup:
         )
 
     @property
-    def covered(self) -> int:
+    def env_steps(self) -> int:
         """Number of env steps of each seed so far, out of `settings.env_steps`."""
         return self.done * self.settings.part + self._step * self.settings.num_envs
 
@@ -124,19 +124,9 @@ class TrainingSetup:
         """Wall-clock time so far [s], with start-up and evaluations."""
         return self._before + time.perf_counter() - self._begun
 
-    @property
-    def env_steps(self) -> int:
-        """Number of env steps of each seed in the training data so far."""
-        if isinstance(self.learner, Offline):
-            return self.learner.demonstrated
-        return self.covered
-
     def evaluations(self) -> list[int]:
         """Returns the env steps of each seed at which a complete curve has points."""
         settings = self.settings
-        # Offline learners make no env steps, so their curves have one point.
-        if isinstance(self.learner, Offline):
-            return [self.env_steps]
         apart = settings.part * settings.evaluate_every
         return [*range(apart, settings.env_steps, apart), settings.env_steps]
 

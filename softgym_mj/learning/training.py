@@ -34,7 +34,6 @@ from softgym_mj.learning.curves import (
     write_curve,
     write_episodes,
 )
-from softgym_mj.learning.learner import Offline
 from softgym_mj.learning.setup import TrainingSetup
 from softgym_mj.policies.exported import export_policy
 from softgym_mj.storage.files import write_json, write_whole
@@ -92,8 +91,7 @@ class Training(TrainingSetup):
     def _catch_up(self) -> None:
         """Evaluates at the end of a part if an evaluation is due and missing."""
         is_last = self.done == self.settings.parts
-        is_early = isinstance(self.learner, Offline) and not is_last
-        if self._step or is_early or self.env_steps not in self.evaluations():
+        if self._step or self.env_steps not in self.evaluations():
             return
         if not any(row["env_steps"] == self.env_steps for row in self.rows):
             self._evaluate(final=is_last)
@@ -104,28 +102,19 @@ class Training(TrainingSetup):
     ) -> dict[str, Tensor]:
         """Trains to the end of a part; returns the last losses and other metrics."""
         settings, news = self.settings, dict[str, Tensor]()
-        steps, is_offline = settings.part // settings.num_envs, isinstance(self.learner, Offline)
-        self.phase = "starts a part"
-        observation, first = None, None
-        if not is_offline:
-            if self._actions:
-                self.phase = "repeats a part"
-            observation, first = self._explorer.begin(self.done, self._actions)
+        steps = settings.part // settings.num_envs
+        self.phase = "repeats a part" if self._actions else "starts a part"
+        observation, first = self._explorer.begin(self.done, self._actions)
         self.phase = "learns"
         while self._step < steps:
-            if isinstance(self.learner, Offline):  # One update in place of a vector step.
-                news = self.learner.update_offline()
-            else:
-                action, self._memory = self.learner.act(
-                    observation, first, self._memory, explore=True
-                )
-                is_last = self._step == steps - 1
-                step, observation, first = self._explorer.step(observation, action, is_last)
-                self._actions.append(action)
-                news = self.learner.learn(step) or news
+            action, self._memory = self.learner.act(observation, first, self._memory, explore=True)
+            is_last = self._step == steps - 1
+            step, observation, first = self._explorer.step(observation, action, is_last)
+            self._actions.append(action)
+            news = self.learner.learn(step) or news
             self._step += 1
-            before = (self.covered - settings.num_envs) * points // settings.env_steps
-            if self._step < steps and before < self.covered * points // settings.env_steps:
+            before = (self.env_steps - settings.num_envs) * points // settings.env_steps
+            if self._step < steps and before < self.env_steps * points // settings.env_steps:
                 progress(self._told_of(news))
             if self._step < steps and time.monotonic() > self._due:
                 self._keep()

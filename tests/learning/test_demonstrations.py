@@ -10,12 +10,11 @@ import torch
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning import demonstrations
-from softgym_mj.learning.demonstrations import collect, collect_images, replay_of
+from softgym_mj.learning.demonstrations import collect, replay_of
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.symmetries import Symmetry
 from softgym_mj.parallel.executors import Executor
 from softgym_mj.policies.experts import make_policy
-from softgym_mj.recording import record
 
 SETTINGS = {"fidelity": "fast"}
 PROBLEM = Problem("straighten_rope", SETTINGS, [0], 1, (36,), 8, 5.0, "cpu")
@@ -52,39 +51,6 @@ def test_they_are_what_the_expert_does(cache):
     assert shown.ended[:, -1].all() and not shown.ended[:, :-1].any()
 
 
-def test_images_are_what_the_expert_sees(cache):
-    names, size = ["rgb", "held"], (24, 20)
-    env = SoftGymEnv(
-        "straighten_rope", observation=names, image_size=size, split="all", horizon=6, **SETTINGS
-    )
-    shapes = {name: env.observation_space[name].shape for name in names}
-    problem = dataclasses.replace(
-        PROBLEM, observation=(), observed=tuple(names), shapes=shapes,
-        task_settings={**SETTINGS, "horizon": 6},
-    )  # fmt: skip
-    seen, actions = collect_images(problem, 2, 1, 0.1)
-    assert actions.shape == (2, 6, 8) and seen["rgb"].dtype == torch.uint8
-    again, _ = collect_images(problem, 2, 1)
-    alone = {"rgb": shapes["rgb"]}
-    single, _ = collect_images(dataclasses.replace(problem, observed="rgb", shapes=alone), 2, 1)
-    assert single.keys() == {"rgb"} and torch.equal(single["rgb"], again["rgb"])
-    for variation in range(2):
-        now, _ = env.reset(options={"variation": variation})
-        act, timestep = make_policy(env.dm_env), env.dm_env.reset(variation)
-        # Noise leads elsewhere; what is shown are the expert's own actions.
-        np.testing.assert_array_equal(actions[variation, 0], act(timestep).astype(np.float32))
-        for name in names:
-            np.testing.assert_array_equal(seen[name][variation, 0], now[name])
-        for k in range(5):
-            action = act(timestep) if k else actions[variation, 0].numpy().astype(float)
-            timestep = env.dm_env.step(action)
-            for name in names:
-                np.testing.assert_array_equal(
-                    again[name][variation, k + 1], timestep.observation[name]
-                )
-        assert not torch.equal(again["rgb"][variation, 5], seen["rgb"][variation, 5])
-
-
 def test_what_was_killed_goes_on_from_what_is_there(cache, monkeypatch):
     whole = collect(PROBLEM, 3, 1)
     for file in cache.glob("demonstrations/*/000[12].value"):
@@ -114,20 +80,6 @@ def test_what_was_killed_goes_on_from_what_is_there(cache, monkeypatch):
     full = collect(dataclasses.replace(PROBLEM, observed="full"), 1, 1)
     assert full.observation.shape[-1] > 36
     assert torch.equal(full.action, collect(PROBLEM, 1, 1).action)
-
-
-def test_disturbed_ones_show_what_the_expert_would_do(cache, tmp_path, monkeypatch):
-    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "datasets"))
-    settings = {"observation": "reduced", "noise": 0.05, **SETTINGS}
-    dataset = record("straighten_rope", range(2), **settings)
-    shown = collect(PROBLEM, 2, 1, noise=0.05)
-    for variation, episode in enumerate(dataset):
-        labels = episode.infos["expert_action"]
-        np.testing.assert_array_equal(shown.action[variation], labels)
-        np.testing.assert_array_equal(shown.observation[variation], episode.observations[:-1])
-        np.testing.assert_array_equal(shown.next_observation[variation], episode.observations[1:])
-    assert not _equal(collect(PROBLEM, 2, 1), shown)  # These are others, with files of their own.
-    assert _equal(collect(PROBLEM, 2, 1, noise=0.05), shown)
 
 
 def test_another_expert_has_other_files(cache, monkeypatch):
@@ -202,19 +154,3 @@ def test_symmetries_show_them_otherwise():
     assert (batch.observation[turned][:, 0].unique() > 1.0).any()
     with pytest.raises(InvalidArgumentError, match="symmetric"):
         replay_of(_toy(), [0], symmetries=[Symmetry(np.eye(3), *same[1:])])
-
-
-def test_bad_arguments_are_refused(cache):
-    for episodes, jobs, name in (
-        (0, 1, "demonstrations"),
-        (801, 1, "demonstrations"),
-        (1, 0, "jobs"),
-    ):
-        with pytest.raises(InvalidArgumentError, match=name):
-            collect(PROBLEM, episodes, jobs)
-    with pytest.raises(InvalidArgumentError, match="noise=-1"):
-        collect(PROBLEM, 1, 1, noise=-1.0)
-    images = dataclasses.replace(PROBLEM, observed="rgb")
-    with pytest.raises(InvalidArgumentError, match="observation='rgb'"):
-        collect(images, 1, 1)
-    assert not [*cache.iterdir()]

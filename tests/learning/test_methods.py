@@ -21,7 +21,6 @@ PIXELS = dataclasses.replace(ROPE, observation="rgb", image_size=(36, 38))
 GOALS = dataclasses.replace(ROPE, task="rope_configuration", observation="full")
 OFF_POLICY = {"random_steps": 8, "updates": 2, "batch": 8, "replay": 24, "hidden": (8,)}
 IMAGES = {**OFF_POLICY, "channels": 4, "features": 6}
-SHOWN = {"demonstrations": 2, "jobs": 1}
 # Settings of the training and of the method.
 CASES = {
     "sac": (
@@ -29,20 +28,15 @@ CASES = {
         {**OFF_POLICY, "n_step": 2, "symmetric": True, "normalize_observations": True},
     ),
     "sac_hindsight": (GOALS, {**OFF_POLICY, "symmetric": True}),
-    "sac_points": (GOALS, {**OFF_POLICY, "points": (8, 8), "symmetric": True}),
     "rlpd": (
         dataclasses.replace(ROPE, part=12, evaluate_every=2),
-        {**OFF_POLICY, **SHOWN, "updates": 4, "actor_every": 2, "n_step": 2, "symmetric": True,
-         "critics": 3, "discount": 0.9, "final_discount": 0.99, "discount_schedule": (4, 20)},
+        {**OFF_POLICY, "demonstrations": 2, "jobs": 1, "updates": 4, "actor_every": 2, "n_step": 2,
+         "symmetric": True, "critics": 3, "discount": 0.9, "final_discount": 0.99,
+         "discount_schedule": (4, 20)},
     ),
     "tqc": (ROPE, {**OFF_POLICY, "critics": 2, "quantiles": 3, "dropped": 1, "symmetric": True}),
-    "bc": (ROPE, {**SHOWN, "hidden": (8,), "batch": 4}),
     "curl": (PIXELS, {**IMAGES, "crop": 30}),
     "drq": (PIXELS, {**IMAGES, "pad": 1}),
-    "bc_images": (
-        dataclasses.replace(PIXELS, observation=("rgb", "held")),
-        {**SHOWN, "batch": 4, "channels": 4, "features": 6, "hidden": (8,)},
-    ),
     "distill": (
         dataclasses.replace(PIXELS, observation=("rgb", "held")),
         {"updates": 2, "batch": 4, "buffer": 10, "channels": 4, "features": 6, "hidden": (8,)},
@@ -57,7 +51,7 @@ CASES = {
 
 
 # Methods with the networks of drq and of distill.
-SAME_POLICIES = ("curl", "bc_images", "teacher_student")
+SAME_POLICIES = ("curl", "teacher_student")
 
 
 class _Killed(Exception):
@@ -146,7 +140,7 @@ def test_a_training_that_was_killed_ends_alike(train, whole, no_policies, monkey
     part, num_envs = whole.settings.part, whole.settings.num_envs
 
     def kill(training, news):
-        if training.covered == part + 2 * num_envs:
+        if training.env_steps == part + 2 * num_envs:
             raise _Killed
 
     assert whole.learner.updates > 0 and len(whole.rows) == 2 * len(SEEDS)
@@ -155,7 +149,7 @@ def test_a_training_that_was_killed_ends_alike(train, whole, no_policies, monkey
     with pytest.raises(_Killed):  # Before the checkpoint of its last vector step is written.
         train("killed").run(kill, points=whole.settings.env_steps)
     again, starts = train("killed"), []
-    again.run(on_start=lambda now: starts.append(now.covered))
+    again.run(on_start=lambda now: starts.append(now.env_steps))
     assert starts == [part + num_envs]
     assert _rows(again) == _rows(whole)
     assert same(again.learner.get_state(), whole.learner.get_state())
@@ -188,15 +182,15 @@ BAD_SETTINGS = {
         ("min_q_weight", 2),
     ],
     "sac_hindsight": [("strategy", "past"), ("share", 1.5), ("tau", 0.0)],
-    "sac_points": [("points", ()), ("points", (8, 0)), ("tau", 0.0)],
-    "rlpd": [("critics", 0), ("least_of", 11), ("demonstrations", 0), ("tau", 0.0)],
+    "rlpd": [
+        ("critics", 0), ("least_of", 11), ("demonstrations", 0), ("demonstrations", 801),
+        ("jobs", 0), ("tau", 0.0),
+    ],
     "tqc": [("critics", 0), ("quantiles", 0), ("dropped", 25), ("min_q_weight", 0.5)],
-    "bc": [("rate", 0.0), ("batch", 0), ("demonstrations", 801), ("jobs", 0), ("noise", 1.5)],
     "curl": [("crop", 14), ("encoder_rate", 0.0), ("encoder_tau", 1.5)],
     "drq": [("pad", -1)],
     "wu": [("channels", (0,)), ("best_share", 0.0), ("symmetric", True)],
     "distill": [("frames", 0), ("batch", 0), ("shift", -1), ("teacher_share", 1.5)],
-    "bc_images": [("demonstrations", 0), ("jobs", 0), ("frames", 0)],
     "planet": [
         ("bits", 9), ("elites", 1001), ("length", 1), ("rate", 0.0), ("noise", -1.0), ("batch", 0)
     ],

@@ -261,7 +261,7 @@ def test_a_training_that_has_ended_goes_on_to_more_env_steps(whole, tmp_path, no
 
 def test_points_are_told_within_parts_with_scores_of_explored_episodes(tmp_path, no_policies):
     calls = []
-    _training(tmp_path).run(lambda now, news: calls.append((now.covered, news)), points=8)
+    _training(tmp_path).run(lambda now, news: calls.append((now.env_steps, news)), points=8)
     assert [covered for covered, _ in calls] == [4, 8, 12, 16, 20, 24, 28, 32]
     name = "explored/normalized_performance"
     scores = [news[name] for _, news in calls if name in news]
@@ -321,7 +321,7 @@ def test_bad_arguments_of_tasks_are_refused(tmp_path, arguments, message):
     "settings, message",
     [
         ({"task": "fold_cloth"}, "settings='task'"),
-        ({"name": "bc"}, "settings='name'"),
+        ({"name": "sac"}, "settings='name'"),
         ({"hidden": [0]}, "hidden=0"),
         ({"hidden": [10**9]}, "hidden=1000000000"),
         ({"batch": 10**12}, "batch=1000000000000"),

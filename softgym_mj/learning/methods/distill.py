@@ -47,8 +47,6 @@ class Distill:
         students: one of each seed.
     """
 
-    FRAMES = Frames  # Class of `frames`.
-
     def __init__(
         self, settings: StudentSettings, problem: Problem, teacher: Callable[[Tensor], Tensor]
     ):
@@ -75,7 +73,7 @@ class Distill:
             for student in self.students
         ]
         self.updates = self._steps = 0
-        self.frames = self.FRAMES(
+        self.frames = Frames(
             settings.buffer // problem.num_envs, problem.seeds, problem.num_envs,
             {**shapes, LABEL: (problem.action,)}, frames=settings.frames, shift=settings.shift,
             device=at,
