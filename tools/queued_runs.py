@@ -32,7 +32,7 @@ class QueuedRun:
         teacher: Name of distill's teacher in docs/results/policies.
         env_steps: Env steps that a planner simulates in an episode.
         episodes: Number of held-out episodes of the last evaluation.
-        device, learner_device: Devices of the training.
+        device: Device of the training.
         gpu_minutes, core_hours: Estimated cost of all seeds; one of them.
     """
 
@@ -48,7 +48,6 @@ class QueuedRun:
     env_steps: int | None = None
     episodes: int = len(SPLITS["evaluate"])
     device: str = "cuda"
-    learner_device: str | None = None
     gpu_minutes: float | None = None
     core_hours: float | None = None
 
@@ -92,8 +91,6 @@ class QueuedRun:
                 where[-1] += f"-{name}-{value}"
         else:
             own = ["train", self.method, self.task, "--preset", self.preset, "--seeds", self.seeds]
-            if self.learner_device:
-                own += ["--learner-device", self.learner_device]
             if self.teacher:
                 own += ["--teacher", self.teacher, "--trust"]
             if self.settings:
