@@ -3,7 +3,6 @@
 import json
 import pathlib
 import re
-from collections.abc import Sequence
 from typing import Annotated, Any
 
 import rich.console
@@ -13,7 +12,7 @@ import typer
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.registry import TASKS, TaskRecord
 from softgym_mj.rendering.look import LOOKS, PAPER
-from softgym_mj.variations.indices import split_indices
+from softgym_mj.variations.indices import evaluation_variations
 
 # Without markup: much of the text comes from users.
 console = rich.console.Console(markup=False, emoji=False)
@@ -126,7 +125,7 @@ def parsed_settings(settings: str, name: str = "task_settings") -> dict[str, Any
 
 def chosen_variations(
     named: str | None, split: str | None, episodes: int | None, default: tuple[str, int]
-) -> Sequence[int]:
+) -> tuple[int, ...]:
     """Returns the variations of the option `Variations`, or the first ones of a split.
 
     Args:
@@ -144,12 +143,8 @@ def chosen_variations(
         if split is not None or episodes is not None:
             raise InvalidArgumentError("variations", named, "alone, without --split and --episodes")
         return indices.parsed("variations", named)
-    split = default[0] if split is None else split
-    number, every = default[1] if episodes is None else episodes, split_indices(split)
-    if not 1 <= number <= len(every):
-        valid = f"1..{len(every)}, the number of variations of {split!r}"
-        raise InvalidArgumentError("episodes", number, valid)
-    return every[:number]
+    number = default[1] if episodes is None else episodes
+    return evaluation_variations(number, default[0] if split is None else split)
 
 
 def progress_bar(*columns: rich.progress.ProgressColumn) -> rich.progress.Progress:

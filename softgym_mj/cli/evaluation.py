@@ -80,7 +80,7 @@ def evaluate(
     configuration = evaluation.Configuration(
         find(task).name,
         policy,
-        tuple(chosen_variations(variations, split, episodes, ("evaluate", _EPISODES))),
+        chosen_variations(variations, split, episodes, ("evaluate", _EPISODES)),
         tuple(range(seeds)),
         {**parsed_settings(task_settings), **given(actor=actor, grasp=grasp)},
         planning if policy in PLANNERS else None,

@@ -5,10 +5,10 @@ from softgym_mj.evaluation.configuration import (
     PROTOCOL,
     Configuration,
     Planning,
-    evaluation_variations,
 )
 from softgym_mj.evaluation.running import Progress, evaluate
 from softgym_mj.evaluation.statistics import summary
+from softgym_mj.variations.indices import evaluation_variations
 
 __all__ = [
     "POLICIES",

@@ -17,7 +17,7 @@ from softgym_mj.policies.factory import SIMPLE, depends_on_seed
 from softgym_mj.policies.planners import BUDGET, CEM, ITERATIONS, PLANNERS, make_planner
 from softgym_mj.policies.saved import SEED, is_saved, sha256
 from softgym_mj.validation import typed
-from softgym_mj.variations.indices import check_settings, check_variation, split_indices
+from softgym_mj.variations.indices import check_settings, check_variation
 
 # Increases when scores of the same episode change; results of different versions are not mixed.
 PROTOCOL = 1
@@ -135,10 +135,3 @@ class Configuration:
                 "python": platform.python_version(),
             },
         }
-
-
-def evaluation_variations(number: int, split: str = "evaluate") -> tuple[int, ...]:
-    """Returns the first `number` variations of a split: "evaluate", or "train" or "all"."""
-    indices = split_indices(split)
-    check_count("number of variations", number, 1, len(indices))
-    return tuple(indices[:number])

@@ -75,6 +75,13 @@ def split_indices(split: str | Sequence[int]) -> Sequence[int]:
     return SPLITS[split]
 
 
+def evaluation_variations(number: int, split: str = "evaluate") -> tuple[int, ...]:
+    """Returns the first `number` variations of a split: "evaluate", or "train" or "all"."""
+    indices = split_indices(split)
+    check_count("episodes", number, 1, len(indices))
+    return tuple(indices[:number])
+
+
 def generator(name: str, index: int) -> np.random.Generator:
     """Returns the random generator of variation `index` of the family `name`."""
     digest = hashlib.sha256(f"softgym_mj/{name}/{check_variation(index)}".encode()).digest()

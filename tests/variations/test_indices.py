@@ -64,6 +64,11 @@ def test_splits():
     for split in ("Train", "", None, 0):
         with pytest.raises(InvalidArgumentError, match=r"split=.*'train', 'evaluate', 'all'"):
             indices.split_indices(split)
+    assert indices.evaluation_variations(2) == (800, 801)
+    assert indices.evaluation_variations(800, "train") == tuple(range(800))
+    for number in (0, 201):
+        with pytest.raises(InvalidArgumentError, match=rf"episodes={number} .*1\.\.200"):
+            indices.evaluation_variations(number)
 
 
 @pytest.mark.parametrize("index", [0, 999, np.int32(5), np.uint8(200)], ids=repr)
