@@ -1,7 +1,8 @@
 """The task RouteCable: a rope around pegs and through clips, beyond SoftGym."""
 
+import functools
 import math
-from typing import Unpack
+from typing import NamedTuple, Unpack
 
 import numpy as np
 
@@ -32,6 +33,30 @@ DENSE = 4  # Points per segment from which distances are measured,
 SLACK = 0.002  # [m] less half their distance.
 START_Y, START_SHIFT, START_ANGLE = -0.16, 0.02, math.pi / 12  # [m], [rad] Where the rope starts.
 WOOD = (0.85, 0.45, 0.12, 1.0)
+
+
+class _Wave(NamedTuple):
+    """Wave of a route: side of its middle, amplitude and length [m], and points (DRAWN,) [m]."""
+
+    side: float
+    amplitude: float
+    length: float
+    x: np.ndarray
+    y: np.ndarray
+    along: np.ndarray  # Arc length from the first point.
+
+
+@functools.lru_cache(maxsize=1)  # A reset needs it several times.
+def _wave(routes: str, variation: int) -> _Wave:
+    """Returns the wave of a variation; `routes` is a category."""
+    random = generator("route_cable", variation)
+    amplitude, length = (float(random.uniform(*ends)) for ends in ROUTES[routes])
+    side = float(random.choice([-1.0, 1.0]))
+    x = np.linspace(-LENGTH / 2, LENGTH / 2, DRAWN)
+    waves = [math.cos(2.0 * math.pi * each / length) for each in x.tolist()]
+    y = side * amplitude * np.array(waves)
+    steps = np.sqrt(np.diff(x) ** 2 + np.diff(y) ** 2)
+    return _Wave(side, amplitude, length, x, y, np.concatenate([[0.0], np.cumsum(steps)]))
 
 
 class RouteCable(Task):
@@ -94,31 +119,19 @@ class RouteCable(Task):
 
     def route(self, variation: int, number: int) -> np.ndarray:
         """Returns evenly spaced points (number, 2) [m] of the route of a variation."""
-        side, amplitude, wavelength = self._wave(variation)
-        x = np.linspace(-LENGTH / 2, LENGTH / 2, DRAWN)
-        waves = [math.cos(2.0 * math.pi * each / wavelength) for each in x.tolist()]
-        y = side * amplitude * np.array(waves)
-        steps = np.sqrt(np.diff(x) ** 2 + np.diff(y) ** 2)
-        along = np.concatenate([[0.0], np.cumsum(steps)])
-        places = (along[-1] - LENGTH) / 2 + np.linspace(0.0, LENGTH, number)
-        return np.column_stack([np.interp(places, along, x), np.interp(places, along, y)])
-
-    def _wave(self, variation: int) -> tuple[float, float, float]:
-        """Returns the side of the middle of a route, its amplitude and wavelength [m]."""
-        random = generator("route_cable", variation)
-        amplitude, wavelength = (float(random.uniform(*ends)) for ends in ROUTES[self._routes])
-        return float(random.choice([-1.0, 1.0])), amplitude, wavelength
+        wave = _wave(self._routes, variation)
+        places = (wave.along[-1] - LENGTH) / 2 + np.linspace(0.0, LENGTH, number)
+        return np.column_stack([np.interp(places, wave.along, axis) for axis in (wave.x, wave.y)])
 
     def gates(self, variation: int) -> np.ndarray:
         """Returns the ends of the gates (5, 2, 2) [m] of a variation, from left to right.
 
         The first end of a gate at a peg touches the rope's middle when it touches the peg.
         """
-        side, amplitude, wavelength = self._wave(variation)
-        found = []
+        wave, found = _wave(self._routes, variation), []
         for k in range(PEGS):
-            x, outside = (k - 1) * wavelength / 2, side * (1.0 if k == 1 else -1.0)
-            found.append([(x, outside * amplitude), (x, outside * (amplitude + BESIDE))])
+            x, outside = (k - 1) * wave.length / 2, wave.side * (1.0 if k == 1 else -1.0)
+            found.append([(x, outside * wave.amplitude), (x, outside * (wave.amplitude + BESIDE))])
         clips = []
         for middle, across in self._clips(variation):
             half = GAP / 2 - JAW[1] - RADIUS
