@@ -9,6 +9,7 @@
 #include "cloth/batch/plane.h"
 #include "cloth/batch/springs.h"
 #include "cloth/batch/touch.h"
+#include "cloth/batch/touch_results.h"
 #include "cloth/batch/twists.h"
 #include "cloth/plugin/drag.h"
 #include "cloth/plugin/sweeps.h"
