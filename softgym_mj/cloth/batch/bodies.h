@@ -69,32 +69,9 @@ inline void MoveBodies(const Environment& w) {
   });
 }
 
-// Propagates the impulses of a sweep to the other bodies of each tree, as `Bodies::Share`.
+// Propagates the impulses of a sweep to the other bodies of each tree.
 inline void ShareImpulses(const Environment& w) {
-  if (!TouchesBodies(w)) return;
-  const int n = w.dofs;
-  Once([&] {
-    for (int b = 0; b < w.model->bodies; ++b) {
-      Mover& body = w.bodies[b];
-      double* impulse = body.rigid.impulse;
-      for (int k = 0; k < 6; ++k) body.touched |= impulse[k] != 0 ? 2 : 0;
-      if (!(body.touched & 2)) continue;
-      body.touched = 1;
-      for (int o = 0; o < w.model->bodies; ++o) {
-        Mover& other = w.bodies[o];
-        if (o == b || other.tree != body.tree || !other.rigid.gives_way) continue;
-        for (int i = 0; i < n; ++i) {
-          double response = 0;
-          for (int k = 0; k < 6; ++k) response += body.response[6 * i + k] * impulse[k];
-          for (int k = 0; k < 6; ++k) other.rigid.move[k] += other.jacobian[n * k + i] * response;
-        }
-      }
-      for (int k = 0; k < 6; ++k) {
-        body.impulse[k] += impulse[k];
-        impulse[k] = 0;
-      }
-    }
-  });
+  if (TouchesBodies(w)) Once([&] { ShareImpulses(w.bodies, w.model->bodies, [&](int) { return w.dofs; }); });
 }
 
 // Ends a substep.

@@ -251,24 +251,8 @@ void Bodies::Push(const double arm[3], const double impulse[3], Body* body) {
 }
 
 void Bodies::Share() {
-  for (Body& body : bodies_) {
-    double* impulse = body.rigid.impulse;
-    if (std::all_of(impulse, impulse + 6, [](double x) { return x == 0; })) continue;
-    body.touched = true;
-    for (Body& other : bodies_) {
-      if (&other == &body || other.tree != body.tree || !other.gives_way) continue;
-      const int n = trees_[body.tree].count;
-      for (int i = 0; i < n; ++i) {
-        double response = 0;
-        for (int k = 0; k < 6; ++k) response += body.response[6 * i + k] * impulse[k];
-        for (int k = 0; k < 6; ++k) other.rigid.move[k] += other.jacobian[n * k + i] * response;
-      }
-    }
-    for (int k = 0; k < 6; ++k) {
-      body.impulse[k] += impulse[k];
-      impulse[k] = 0;
-    }
-  }
+  const auto dofs = [this](int b) { return trees_[bodies_[b].tree].count; };
+  ShareImpulses(bodies_.data(), static_cast<int>(bodies_.size()), dofs);
 }
 
 void Bodies::Finish() {
