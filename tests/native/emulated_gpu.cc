@@ -5,6 +5,7 @@
 
 #define __CUDACC__ 1
 #define __shared__ static
+#define __noinline__ inline
 
 #include <cmath>
 #include <cstdint>

@@ -21,7 +21,7 @@ inline int ZoneOf(const Environment& w, int v) {
 }
 
 // Moves impact zones rigidly, or stops them if `stand`, as `ImpactZones::Prevent`.
-inline int PreventImpacts(const Environment& w, bool stand) {
+SGM_APART int PreventImpacts(const Environment& w, bool stand) {
   const Model& m = *w.model;
   Step* step = w.step;
   const int n = m.vertices;
@@ -79,7 +79,7 @@ inline int PreventImpacts(const Environment& w, bool stand) {
 }
 
 // Alternates impact zones and rope constraints, as `Solver::Prevent`.
-inline int Prevent(const Environment& w) {
+SGM_APART int Prevent(const Environment& w) {
   const int n = w.model->vertices;
   int more = PreventImpacts(w, false), changed = more;
   for (int pass = 0; more && pass < kRopePasses && w.model->chains > 0; ++pass) {
@@ -98,7 +98,7 @@ inline int Prevent(const Environment& w) {
 }
 
 // Lifts vertices out of the plane, as `Planes::LiftOut`; returns whether there were any.
-inline bool LiftOut(const Environment& w) {
+SGM_APART bool LiftOut(const Environment& w) {
   const Model& m = *w.model;
   Once([&] { w.step->lifted = 0; });
   Each(m.vertices, [&](int v) {

@@ -110,7 +110,7 @@ inline void Collect(const Environment& w, const Items& a, const Items& b, bool s
 
 // Finds candidates for vertices at `position` that move by `move`; earlier candidates suffice while vertices stay in
 // their boxes.
-inline void FindCandidates(const Environment& w) {
+SGM_APART void FindCandidates(const Environment& w) {
   const Model& m = *w.model;
   const float reach = kInterest * m.thickness, slack = kSlack * reach;
   Once([&] { w.step->furthest = 0, w.step->left = 0; });
@@ -163,7 +163,7 @@ inline float ThicknessOf(const Model& m, const Pair& pair) {
 }
 
 // Fills `found`, pairs that must not pass through each other, and `pairs`, pairs that push.
-inline void FindPairs(const Environment& w) {
+SGM_APART void FindPairs(const Environment& w) {
   const Model& m = *w.model;
   FindCandidates(w);
   Each(m.triangles, [&](int t) { FindNormal(w.position, m.At<int>(m.triangle_vertex_at) + 3 * t, w.normals + 3 * t); });

@@ -59,7 +59,7 @@ inline void StartSprings(const Environment& w) {
   }
 }
 
-inline void Bend(const Environment& w, int substep) {
+SGM_APART void Bend(const Environment& w, int substep) {
   const Model& m = *w.model;
   if (m.hinge_blocks == 0 || substep % m.bend_interval != 0) return;
   const float n = static_cast<float>(m.bend_interval);
@@ -87,7 +87,7 @@ inline ChainRow ChainOf(const Environment& w, int c) {
 }
 
 // Solves ropes, as `ChainRows::Solve`.
-inline void SolveChains(const Environment& w, bool settles) {
+SGM_APART void SolveChains(const Environment& w, bool settles) {
   for (int c = 0; c < w.model->chains; ++c) {
     const ChainRow chain = ChainOf(w, c);
     const int size = chain.size;

@@ -172,13 +172,13 @@ inline void StartTouch(const Environment& w, int t) {
 }
 
 // Starts contact with grippers and solids.
-inline void StartTouches(const Environment& w) {
+SGM_APART void StartTouches(const Environment& w) {
   StartBodies(w);
   for (int t = 0; t < w.model->grippers + Solids(*w.model); ++t) StartTouch(w, t);
 }
 
 // Updates rows.
-inline void FindTouches(const Environment& w, int substeps) {
+SGM_APART void FindTouches(const Environment& w, int substeps) {
   const Model& m = *w.model;
   const Solid* solids = m.At<Solid>(m.solids_at);
   const int touches = m.grippers + Solids(m);

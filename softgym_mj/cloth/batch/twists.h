@@ -23,7 +23,7 @@ inline bool IsTwisting(const Environment& w) {
   return m.twist_clamped || (w.inverse_mass[vertex[0]] == 0 && w.inverse_mass[vertex[m.chain_edges]] == 0);
 }
 
-inline void StartTwist(const Environment& w) {
+SGM_APART void StartTwist(const Environment& w) {
   if (!IsTwisting(w)) {
     if (w.model->twist > 0) Once([&] { *w.twist = 0; });
     return;
@@ -32,7 +32,7 @@ inline void StartTwist(const Environment& w) {
   Each(row.size, [&](int e) { StartTwistEdge(w.start, row, e); });
 }
 
-inline void PushTwist(const Environment& w) {
+SGM_APART void PushTwist(const Environment& w) {
   if (!IsTwisting(w)) return;
   const TwistRow row = TwistOf(w);
   Each(row.size, [&](int e) { FollowTwistEdge(w.start, w.points, row, e); });
@@ -43,7 +43,7 @@ inline void PushTwist(const Environment& w) {
   Each(TwistVertices(row), [&](int i) { PushTwistVertex(w.points, row, i, w.model->h); });
 }
 
-inline void EndTwist(const Environment& w) {
+SGM_APART void EndTwist(const Environment& w) {
   if (!IsTwisting(w)) return;
   const TwistRow row = TwistOf(w);
   Each(row.size, [&](int e) { EndTwistEdge(w.start, w.motion, row, e); });
