@@ -119,27 +119,6 @@ class MLP(nn.Sequential):
         super().__init__(*layers)
 
 
-class ObservationNormalizer(nn.Module):
-    """Normalizes observations of each seed by mean and standard deviation; identity until `fit`.
-
-    Positions vary by 0.1 m, actions by 1; without normalization actions dominate the first layer.
-    """
-
-    def __init__(self, seeds: int, size: int, device: torch.device | str):
-        super().__init__()
-        self.register_buffer("mean", torch.zeros(seeds, 1, size, device=device))
-        self.register_buffer("deviation", torch.ones(seeds, 1, size, device=device))
-
-    def fit(self, observation: Tensor, least: float) -> None:
-        """Sets mean and standard deviation, at least `least`, of observations (seeds, n, size)."""
-        self.mean.copy_(observation.mean(1, keepdim=True))
-        self.deviation.copy_(observation.std(1, keepdim=True).clamp(min=least))
-
-    def forward(self, observation: Tensor) -> Tensor:
-        """Normalizes an array (seeds, n, size)."""
-        return (observation - self.mean) / self.deviation
-
-
 class Actor(nn.Module):
     """Tanh-squashed Gaussian policy.
 
@@ -156,10 +135,9 @@ class Actor(nn.Module):
         action: int,
         hidden: Sequence[int],
         log_std: tuple[float, float],
-        seen: nn.Module | None = None,
     ):
         super().__init__()
-        self.seen = seen or nn.Identity()
+        self.seen: nn.Module = nn.Identity()
         self.body = MLP(sources, [observation, *hidden, 2 * action])
         self.low, self.high = log_std
 
@@ -207,10 +185,9 @@ class Critics(nn.Module):
         norm: bool,
         number: int = 2,
         outputs: int = 1,
-        seen: nn.Module | None = None,
     ):
         super().__init__()
-        self.number, self.seen = number, seen or nn.Identity()
+        self.number, self.seen = number, nn.Identity()
         each = [source for source in sources for _ in range(number)]
         self.body = MLP(each, [observation + action, *hidden, outputs], norm=norm)
 
@@ -227,9 +204,7 @@ class DeterministicPolicy(nn.Module):
     def __init__(self, actor: nn.Module, seed: int):
         super().__init__()
         self.actor = copy.deepcopy(actor).cpu()
-        # Other buffers have no dimension of seeds.
-        seen = (one for one in self.actor.modules() if isinstance(one, ObservationNormalizer))
-        for array in (*self.actor.parameters(), *(b for one in seen for b in one.buffers())):
+        for array in self.actor.parameters():
             array.data = array.data[seed : seed + 1].clone()
         self.requires_grad_(False)
 

@@ -92,9 +92,6 @@ class Algorithm(Protocol):
     def act(self, observation: Tensor, *, explore: bool) -> Tensor:
         """Returns actions (seeds, n, action) for observations (seeds, n, ...)."""
 
-    def begin(self, sample: Callable[[int], Batch]) -> None:
-        """Prepares for the first update; `sample(n)` returns a batch of n env steps."""
-
     def update(self, batch: Batch) -> dict[str, Tensor]:
         """Makes one update from a batch; returns losses (seeds,) by name."""
 
@@ -182,8 +179,6 @@ class OffPolicy:
         self._seen += self._problem.num_envs
         result: dict[str, Tensor] = {}
         if learns and self.replay.size >= self._settings.n_step:
-            if not self.updates:
-                self.algorithm.begin(self.replay.sample)
             if self._settings.final_discount is not None:
                 self.replay.discount.fill_(self._settings.discount_at(self._seen))
             total = self.updates + self._settings.updates

@@ -68,7 +68,7 @@ def _replay(rope, seeds=SEEDS, **settings):
     size = rope.task.observe("full").size
     replay = HindsightReplay(
         CAPACITY, seeds, NUM_ENVS, (size,), 8, discount=DISCOUNT,
-        **{"of": rope, "horizon": 6, "reward_scale": SCALE, "share": 0.8, "strategy": "future",
+        **{"of": rope, "horizon": 6, "reward_scale": SCALE, "share": 0.8,
            "steps": 2, **settings},
     )  # fmt: skip
     for step in _steps(rope, seeds):
@@ -81,9 +81,8 @@ def _alone(rope, full):
     return rope.read(full.double().numpy())
 
 
-@pytest.mark.parametrize("strategy", ["future", "final"])
-def test_goals_are_reached_later_and_measured_by_the_task(rope, strategy):
-    steps, batch = _steps(rope), _replay(rope, strategy=strategy).sample(150)
+def test_goals_are_reached_later_and_measured_by_the_task(rope):
+    steps, batch = _steps(rope), _replay(rope).sample(150)
     seen, relabeled = {}, 0
     count = 3 * len(rope.task.rope.key_points)
     for k, i in np.ndindex(len(SEEDS), 150):
@@ -115,7 +114,7 @@ def test_goals_are_reached_later_and_measured_by_the_task(rope, strategy):
     assert 0.74 < relabeled / 300 < 0.86
     assert {t for t, _ in seen} == set(range(STEPS - CAPACITY, STEPS - 1))
     for (t, last), names in seen.items():
-        assert names == ({"own", last} if strategy == "final" else {"own", *range(t, last + 1)})
+        assert names == {"own", *range(t, last + 1)}
 
 
 @pytest.mark.parametrize("name", ["rope_configuration", "pour_water_amount"])
@@ -185,9 +184,7 @@ def test_it_learns_to_reach_points_that_it_hardly_ever_meets():
     )  # fmt: skip
     seeds, num_envs, horizon, of = [0, 1], 16, 10, _Reach()
     sac = HindsightSAC(settings, seeds, of, 2)
-    replay = functools.partial(
-        HindsightReplay, of=of, horizon=horizon, reward_scale=1.0, share=0.8, strategy="future"
-    )
+    replay = functools.partial(HindsightReplay, of=of, horizon=horizon, reward_scale=1.0, share=0.8)
     problem = Problem("toy", {}, seeds, num_envs, (6,), 2, 1.0, "cpu")
     learner, sources = OffPolicy(settings, problem, sac, replay), generators([5, 6], "cpu")
 

@@ -1,8 +1,9 @@
 """Soft actor-critic with hindsight experience replay (HER; Andrychowicz et al., 2017).
 
-A share of each batch is relabeled with a goal that was reached later in the same episode, and with
-the task's reward for that goal. It supports tasks whose goal varies (`tasks.shared.goals`). The
-environments' observation is full; networks observe the reduced state, which is computed from it.
+A share of each batch is relabeled with a goal that was reached later in the same episode (the
+paper's strategy "future"), and with the task's reward for that goal. It supports tasks whose goal
+varies (`tasks.shared.goals`). The environments' observation is full; networks observe the reduced
+state, which is computed from it.
 """
 
 import dataclasses
@@ -13,7 +14,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from softgym_mj.exceptions import InvalidArgumentError, check_name, check_number
+from softgym_mj.exceptions import InvalidArgumentError, check_number
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.sac import SAC, StateSACSettings
 from softgym_mj.learning.networks import drawn, where
@@ -23,8 +24,6 @@ from softgym_mj.tasks.shared import observations
 from softgym_mj.tasks.shared.goals import Goals, goals
 from softgym_mj.validation import typed
 
-STRATEGIES = ("future", "final")
-
 
 @typed
 @dataclasses.dataclass(frozen=True)
@@ -33,19 +32,15 @@ class HindsightSettings(StateSACSettings):
 
     Attributes:
         share: Share of a batch that is relabeled; 0.8 is the paper's best.
-        strategy: "future" (the paper's best) for goals of any later step of the episode, "final"
-            for those of its end.
 
     Raises:
         InvalidArgumentError: for a value out of range.
     """
 
     share: float = 0.8
-    strategy: str = "future"
 
     def __post_init__(self):
         super().__post_init__()
-        check_name("strategy", self.strategy, STRATEGIES)
         check_number("share", self.share, ge=0.0, le=1.0)
 
 
@@ -59,7 +54,6 @@ class HindsightReplay(Replay):
         horizon: int,
         reward_scale: float,
         share: float,
-        strategy: str,
         **settings: Any,
     ):
         """Allocates the buffer.
@@ -69,18 +63,18 @@ class HindsightReplay(Replay):
             of: Goals of the task.
             horizon: Maximum number of env steps in an episode.
             reward_scale: Factor of the task's rewards.
-            share, strategy: Settings of `HindsightSettings`.
+            share: Share of a batch that is relabeled.
             **settings: Further arguments of `Replay`.
         """
         super().__init__(*args, **settings)
         self._goals, self._horizon, self._reward_scale = of, horizon, reward_scale
-        self._share, self._is_final = share, strategy == "final"
+        self._share = share
 
     def _added_up(self, first: Tensor, env_index: Tensor) -> Batch:
         batch = super()._added_up(first, env_index)
         share, later = drawn(self.sources, 2, first.shape[1], normal=False).unbind(1)
         left = self._left(first, env_index)
-        ahead = left if self._is_final else torch.minimum((later * (left + 1)).long(), left)
+        ahead = torch.minimum((later * (left + 1)).long(), left)
         at = self._from(first, env_index, ahead[..., None])
         reached = self._goals.reached(
             *self._goals.read(self.arrays["next_observation"][at][:, :, 0])
@@ -180,6 +174,6 @@ def make(settings: HindsightSettings, problem: Problem) -> OffPolicy:
     sac = HindsightSAC(settings, problem.seeds, of, problem.action, problem.device)
     replay = functools.partial(
         HindsightReplay, of=of, horizon=env.horizon, reward_scale=problem.reward_scale,
-        share=settings.share, strategy=settings.strategy,
+        share=settings.share,
     )  # fmt: skip
     return OffPolicy(settings, problem, sac, replay)

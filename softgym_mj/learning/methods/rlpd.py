@@ -36,7 +36,6 @@ class RLPDSettings(StateSACSettings):
         critics: Number of critics.
         least_of: Number of random critics whose minimum is the target.
         backup_entropy: Whether targets include the entropy of next actions.
-        min_q_weight: Weight of the minimum in the actor's objective; targets use `least_of`.
 
     Raises:
         InvalidArgumentError: for a value out of range.
@@ -55,7 +54,6 @@ class RLPDSettings(StateSACSettings):
     alpha: float = 1.0
     alpha_beta: float = 0.9
     target_entropy: float = -0.5
-    min_q_weight: float = 0.0
     actor_every: int = 20
     target_every: int = 1
     demonstrations: int = 200
@@ -104,6 +102,10 @@ class RLPD(SAC):
 
     def _noise(self, *shape: int) -> Tensor:
         return drawn(self._own, *shape)
+
+    def _judged(self, values: Tensor) -> Tensor:
+        """Returns the mean (seeds, n) of the critics' values (critics, seeds, n)."""
+        return values.mean(0)
 
     def critic_target(self, batch: Batch, noise: Tensor) -> Tensor:
         """Returns critic targets (seeds, n) with the minimum of a new random subset of critics."""

@@ -7,7 +7,7 @@ targets bootstrap at the horizon, and the entropy weight itself (not its logarit
 import copy
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import torch
@@ -19,7 +19,6 @@ from softgym_mj.learning.networks import (
     Actor,
     Critics,
     DeterministicPolicy,
-    ObservationNormalizer,
     drawn,
     generators,
 )
@@ -30,10 +29,6 @@ from softgym_mj.learning.symmetries import check_observed
 from softgym_mj.validation import typed
 
 MOST_ENTROPY = math.log(2.0)  # Entropy of a uniform entry in -1..1 [nats].
-STANDARD_SAMPLE = 10_000  # Env steps from which mean and standard deviation are computed.
-# Minimum standard deviation in the normalization: entries that random actions hardly change may
-# change later.
-LEAST_DEVIATION = 0.1
 
 
 @typed
@@ -49,8 +44,6 @@ class SACSettings(OffPolicySettings):
         alpha: Initial entropy weight.
         alpha_beta: Adam's beta_1 of the entropy weight.
         target_entropy: Target entropy of each entry of an action [nats].
-        min_q_weight: Weight of the critics' minimum against their mean: 1 (the paper) is the
-            minimum, 0 the mean.
         actor_every, target_every: Critic updates per update of actor and targets.
         lr_halving_period: Updates after which the rates of actor and critics are halved; 0: never.
         log_std: Bounds of the log standard deviation.
@@ -68,7 +61,6 @@ class SACSettings(OffPolicySettings):
     alpha: float = 0.1
     alpha_beta: float = 0.5
     target_entropy: float = -1.0
-    min_q_weight: float = 1.0
     actor_every: int = 2
     target_every: int = 2
     lr_halving_period: int = 0
@@ -78,7 +70,6 @@ class SACSettings(OffPolicySettings):
         super().__post_init__()
         for name in ("discount", "tau", "alpha", "actor_rate", "critic_rate", "alpha_rate"):
             check_number(name, getattr(self, name), gt=0.0, le=1.0)
-        check_number("min_q_weight", self.min_q_weight, ge=0.0, le=1.0)
         for name in ("actor_every", "target_every"):
             check_count(name, getattr(self, name), 1)
         check_count("lr_halving_period", self.lr_halving_period, 0)
@@ -93,13 +84,10 @@ class StateSACSettings(SACSettings):
     """Settings of soft actor-critic on states.
 
     Attributes:
-        normalize_observations: Whether observations are normalized by their means and deviations in
-            the random steps.
         fused: Whether, on a GPU, losses are compiled to fused kernels (`torch.compile`, which takes
             about a minute at first).
     """
 
-    normalize_observations: bool = False
     fused: bool = False
 
 
@@ -149,23 +137,11 @@ class SAC:
     def _networks(self, observation: int, action: int) -> tuple[Actor, nn.Module]:
         """Returns new actor and critics."""
         settings, sizes = self.settings, (observation, action, self.settings.hidden)
-        seen: nn.Module = nn.Identity()
-        if getattr(settings, "normalize_observations", False):
-            seen = ObservationNormalizer(len(self.sources), observation, self.sources[0].device)
         number, outputs = getattr(settings, "critics", 2), getattr(settings, "quantiles", 1)
         return (
-            Actor(self.sources, *sizes, settings.log_std, seen),
-            Critics(
-                self.sources, *sizes, norm=settings.norm, number=number, outputs=outputs, seen=seen
-            ),
+            Actor(self.sources, *sizes, settings.log_std),
+            Critics(self.sources, *sizes, norm=settings.norm, number=number, outputs=outputs),
         )
-
-    def begin(self, sample: Callable[[int], Batch]) -> None:
-        """Prepares for the first update; `sample(n)` returns a batch of n env steps."""
-        if getattr(self.settings, "normalize_observations", False):
-            observation = sample(STANDARD_SAMPLE).observation
-            for network in (self.actor, self.targets):  # Critics share the actor's normalization.
-                network.seen.fit(observation, LEAST_DEVIATION)
 
     @property
     def alpha(self) -> Tensor:
@@ -185,8 +161,8 @@ class SAC:
     # ------------------------------------------------------------------ losses
 
     def _judged(self, values: Tensor) -> Tensor:
-        """Combines the critics' values (critics, seeds, n) to one (seeds, n) by `min_q_weight`."""
-        return torch.lerp(values.mean(0), values.amin(0), self.settings.min_q_weight)
+        """Combines the critics' values (critics, seeds, n) to one (seeds, n): their minimum."""
+        return values.amin(0)
 
     def critic_target(self, batch: Batch, noise: Tensor) -> Tensor:
         """Returns critic targets (seeds, n); arguments are those of `critic_loss`."""

@@ -10,7 +10,7 @@ import dataclasses
 import torch
 from torch import Tensor
 
-from softgym_mj.exceptions import InvalidArgumentError, check_count
+from softgym_mj.exceptions import check_count
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods import sac
 from softgym_mj.learning.methods.sac import SAC, StateSACSettings
@@ -42,8 +42,6 @@ class TQCSettings(StateSACSettings):
         check_count("critics", self.critics, 1)
         check_count("quantiles", self.quantiles, 1)
         check_count("dropped", self.dropped, 0, self.quantiles - 1)
-        if self.min_q_weight != 1.0:
-            raise InvalidArgumentError("min_q_weight", self.min_q_weight, "left at 1")
 
 
 def quantile_loss(quantiles: Tensor, targets: Tensor) -> Tensor:
