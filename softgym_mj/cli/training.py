@@ -41,7 +41,7 @@ def train(
     ],
     task: Task,
     preset: Annotated[
-        str, typer.Option(help="fast, paper, night (sac, on a CPU), minutes (images), short (wu).")
+        str, typer.Option(help="fast, paper, night (sac, on a CPU) or minutes (images).")
     ] = "fast",
     seeds: Annotated[int, typer.Option(help="Number of seeds, trained together.", min=1)] = 1,
     first_seed: Annotated[
