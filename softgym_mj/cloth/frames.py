@@ -1,7 +1,6 @@
 """Material frames of ropes: unit directors across their edges."""
 
 import itertools
-import math
 
 import numpy as np
 
@@ -32,18 +31,3 @@ def transported(points: np.ndarray, first: np.ndarray, twist: float = 0.0) -> np
     roll = (twist * along / max(along[-1], 1e-12))[:, None]
     carried = np.array(found)
     return np.cos(roll) * carried + np.sin(roll) * np.cross(tangents, carried)
-
-
-def twist_between(points: np.ndarray, first: np.ndarray, last: np.ndarray, near: float) -> float:
-    """Returns the twist angle [rad] of a rope whose end frames are given.
-
-    Args:
-        points: Vertices (n, 3) [m].
-        first, last: Directors (3,) across the first and the last edge.
-        near: An angle [rad] within half a turn of the result, such as the last one.
-    """
-    carried = transported(points, first)[-1]
-    tangent = points[-1] - points[-2]
-    tangent /= np.linalg.norm(tangent)
-    angle = math.atan2(np.cross(carried, last) @ tangent, carried @ last)
-    return near + math.remainder(angle - near, 2.0 * math.pi)

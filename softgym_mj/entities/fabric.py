@@ -115,16 +115,6 @@ class Fabric:
             added_mass=data.added_mass,
         )
 
-    def bent(self, stiffness: float) -> "Fabric":
-        """Returns a copy with another `bend_stiffness` [N m]; others of a plate are scaled."""
-        factor = stiffness / self.bend_stiffness
-        return dataclasses.replace(
-            self,
-            bend_stiffness=stiffness,
-            bend_weft=factor * self.bend_weft,
-            bend_bias=factor * self.bend_bias,
-        )
-
     def material(self) -> dict[str, float]:
         """Returns attributes of `solver.Material` by name."""
         return solver_material(dataclasses.asdict(self))

@@ -61,13 +61,6 @@ def test_a_fabric_bends_and_shears_as_was_measured_if_it_is_asked_to():
     assert Fabric.named("gray_interlock", measured_shear=True).shear == 1.0  # As far as that goes.
 
 
-def test_a_stiffer_fabric_is_stiffer_in_all_directions():
-    fabric = Fabric.named("black_denim", anisotropic=True).bent(32.0e-6)
-    bends = fabric.bend_stiffness, fabric.bend_bias, fabric.bend_weft
-    assert bends == pytest.approx((32.0e-6, 36.6e-6, 48.4e-6))
-    assert Fabric().bent(1e-6) == Fabric(bend_stiffness=1e-6)
-
-
 @pytest.mark.parametrize("name", ["silk", None, 3])
 def test_an_unknown_fabric_lists_those_that_there_are(name):
     with pytest.raises(InvalidArgumentError, match=r"fabric=.*'gray_interlock'.*'flex_nominal'"):
