@@ -109,7 +109,7 @@ class TrainingSetup:
     def _make(self, number: int, **settings: Any) -> Any:
         own, observed = self.settings, self.settings.observed
         if (privileged := getattr(self.method.settings, "privileged", None)) is not None:
-            observed["observation"] = [*own.observations, *filter(None, [privileged])]
+            observed["observation"] = [*own.observations, privileged]
         return softgym_mj.make_vec(
             own.task, number, device=self.device, **{**observed, **own.task_settings, **settings}
         )
