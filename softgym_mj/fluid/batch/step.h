@@ -128,7 +128,9 @@ inline void Substep(Environment* w) {
   EachBlock(0, m.count, [&](int i) { AddCorrection<false>(fluid, p, w->neighbors, i); });
   for (int wall = 0; wall < m.num_walls; ++wall) {
     const WallPairs pairs = PairsOf(*w, wall);
-    EachBlock(0, pairs.count / kLanes, [&](int k) { Collide(fluid, p, pairs, nullptr, kLanes * k); });
+    EachBlock(0, pairs.count / kLanes, [&](int k) {
+      Collide(fluid, p, pairs, kLanes * k, [](const Vec3<Lanes>&, const Vec3<Lanes>&, Lanes) {});
+    });
   }
   const float rate = 1.0f / m.h;
   Each(4 * m.count, [&](int i) {

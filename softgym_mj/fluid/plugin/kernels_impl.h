@@ -5,6 +5,7 @@
 
 #include "fluid/plugin/lists.h"
 #include "fluid/plugin/particles.h"
+#include "fluid/plugin/pushes.h"
 
 namespace softgym_mj {
 namespace {
@@ -46,7 +47,16 @@ void AddWallGradients(const Particles& p, const WallPairs& pairs) {
 
 void CollideAll(const FluidConstants& constants, const Particles& p, const WallPairs& pairs, double* impulse) {
   const FluidConstants fluid = constants;
-  for (int k = 0; k < pairs.count; k += kLanes) Collide(fluid, p, pairs, impulse, k);
+  for (int k = 0; impulse && k < pairs.count; k += kLanes) {
+    Collide(fluid, p, pairs, k, [&](const Vec3<Lanes>& change, const Vec3<Lanes>& to, Lanes push) {
+      EachPush(pairs, p.count, k, change, to, push, [impulse](int, const double terms[6]) {
+        for (int t = 0; t < 6; ++t) impulse[t] -= terms[t];
+      });
+    });
+  }
+  for (int k = 0; !impulse && k < pairs.count; k += kLanes) {
+    Collide(fluid, p, pairs, k, [](const Vec3<Lanes>&, const Vec3<Lanes>&, Lanes) {});
+  }
 }
 
 constexpr Kernels kLoops = {FindNeighbors, FindPressure,   AddCorrections,   SmoothAll, FindNear,

@@ -246,7 +246,10 @@ inline void AddWallGradient(const Particles& p, const WallPairs& pairs, int k) {
   gradient[2] += pairs.slope[k] * nz[k];
 }
 
-inline void Collide(const FluidConstants& fluid, const Particles& p, const WallPairs& pairs, double* impulse, int k) {
+// Keeps eight particles out of a wall. Calls note(change, to, push): their displacements, where they end, and the
+// displacements along the normals by the pressure at the wall.
+template <class Note>
+inline void Collide(const FluidConstants& fluid, const Particles& p, const WallPairs& pairs, int k, Note note) {
   const Lanes zero(0.0f), contact(fluid.contact), tiny(kTiny), friction(fluid.friction);
   const Lanes dig_out(kDigOut * fluid.spacing);
   const Lanes wall_push(fluid.relaxation * fluid.rest_density * fluid.radius / 3.0f);
@@ -276,28 +279,7 @@ inline void Collide(const FluidConstants& fluid, const Particles& p, const WallP
                              reached.z + push * normal.z - grip * slide.z};
   Vec3<Lanes> change = Rotate<Lanes>(pairs.end, {local.x - to.x, local.y - to.y, local.z - to.z});
   Add(p.correction, particle, p.count, change);
-  if (impulse) {
-    float c[3 * kLanes], q[3 * kLanes];
-    const Lanes nx = Lanes::Load(pairs.normal + k), ny = Lanes::Load(pairs.normal + pairs.stride + k),
-                nz = Lanes::Load(pairs.normal + 2 * pairs.stride + k);
-    MultiplyAdd(pressure_push, nx, change.x).Store(c);
-    MultiplyAdd(pressure_push, ny, change.y).Store(c + kLanes);
-    MultiplyAdd(pressure_push, nz, change.z).Store(c + 2 * kLanes);
-    (x.x + change.x).Store(q);
-    (x.y + change.y).Store(q + kLanes);
-    (x.z + change.z).Store(q + 2 * kLanes);
-    for (int lane = 0; lane < kLanes; ++lane) {
-      if (particle[lane] == p.count) continue;  // Padding.
-      const double cx = c[lane], cy = c[lane + kLanes], cz = c[lane + 2 * kLanes];
-      const double qx = q[lane], qy = q[lane + kLanes], qz = q[lane + 2 * kLanes];
-      impulse[0] -= cx;
-      impulse[1] -= cy;
-      impulse[2] -= cz;
-      impulse[3] -= qy * cz - qz * cy;
-      impulse[4] -= qz * cx - qx * cz;
-      impulse[5] -= qx * cy - qy * cx;
-    }
-  }
+  note(change, {x.x + change.x, x.y + change.y, x.z + change.z}, pressure_push);
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "fluid/plugin/pushes.h"
 #include "native/instructions.h"
 #include "native/simd.h"
 
@@ -29,8 +30,6 @@ constexpr int kMaxPasses = 64;
 // [m] The origin is the mean of the positions, or their median if a particle is further from the mean than this, which
 // would reduce the precision of the others. Particles are kept within kFurthest of it.
 constexpr double kStray = 100;
-
-constexpr float kLayer = 0.8f;  // Particles nearer than this to a wall touch it, in spacings.
 
 // Position relative to `origin` and rotation matrix at a fraction of the way between two poses.
 void Interpolate(const Pose& a, const Pose& b, double fraction, const double origin[3], float out[12]) {
@@ -241,13 +240,10 @@ void Solver::DragAtWalls(float viscosity, float h, Impulse* impulses) {
       const int i = pairs.particle[n];
       if (i == count_) continue;
       const float share = viscosity * fluid_.rest_density * pairs.share[n];
-      double change[3];
+      double change[3], terms[6];
       if (!DragAtWall(p_, i, pairs.end, velocity, omega, share, change)) continue;
-      const float* x = p_.position + 4 * i;
-      for (int k = 0; k < 3; ++k) sums[k] -= change[k];
-      sums[3] -= x[1] * change[2] - x[2] * change[1];
-      sums[4] -= x[2] * change[0] - x[0] * change[2];
-      sums[5] -= x[0] * change[1] - x[1] * change[0];
+      DragTerms(p_, i, change, terms);
+      for (int k = 0; k < 6; ++k) sums[k] -= terms[k];
     }
     if (impulses) AddImpulse(sums, mass_, impulses + w);
   }
