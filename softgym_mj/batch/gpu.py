@@ -19,12 +19,14 @@ from softgym_mj.batch.device import Copy, Device
 from softgym_mj.exceptions import UnavailableError, check_name, install_extra
 from softgym_mj.native.caches import cache_folder
 
-SOLIDS = "_solids"  # End of the name of the variant with solids.
+# Ends of the names of variants: cloth and rope with solids, and water that pushes walls.
+SOLIDS, PUSHES = "_solids", "_pushes"
 # Folder, entry file and macros of each kernel; all other code is in headers.
 KERNELS: dict[str, tuple[str, str, Mapping[str, str]]] = {
     "cloth": ("cloth", "cloth/batch/step.cu", {"SGM_SOLIDS": "0"}),
     f"cloth{SOLIDS}": ("cloth", "cloth/batch/step.cu", {}),
-    "fluid": ("fluid", "fluid/batch/step.cu", {}),
+    "fluid": ("fluid", "fluid/batch/step.cu", {"SGM_PUSHES": "0"}),
+    f"fluid{PUSHES}": ("fluid", "fluid/batch/step.cu", {}),
     "measures": ("batch", "batch/measures.cu", {}),
     "pictures": ("rendering", "rendering/batch/draw.cu", {}),
 }
@@ -71,7 +73,7 @@ def compiled(name: str, architecture: str) -> bytes:
     """
     check_name("name", name, KERNELS)
     core, (room, file, own) = _core(), KERNELS[name]
-    threads, blocks = BLOCKS[name.removesuffix(SOLIDS)]
+    threads, blocks = BLOCKS[name.partition("_")[0]]
     macros = [("SGM_THREADS", str(threads)), ("SGM_BLOCKS", str(blocks)), *own.items()]
     settings = {**_OPTIONS, "define_macro": macros}
     key = hashlib.sha256(f"{_source(room, file)}{settings}".encode()).hexdigest()[:16]

@@ -1,5 +1,6 @@
 """`FluidBatchSolver`, whose oracle is the plugin: the same bits."""
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -7,6 +8,8 @@ import softgym_mj
 from softgym_mj.batch.device import CpuDevice
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError
 from softgym_mj.fluid.batch_solver import NOT_FINITE, TOO_MANY_NEIGHBORS, FluidBatchSolver, describe
+
+HELD_FLOOR = 1  # The floor of a cup in a hand is the second wall, without an offset.
 
 
 class _Followed:
@@ -17,6 +20,7 @@ class _Followed:
         self.env.reset(variation)
         self.cups = self.env.task.scene.cups
         self.water = next(iter(self.env.task.scene.materials.values()))
+        self.pushes = bool(self.env.task.actor.wrists)  # An arm holds the cup.
 
     @property
     def model(self):
@@ -28,14 +32,19 @@ class _Followed:
         """State of the plugin by name."""
         count, data = self.water.num_points, self.env.physics.data.ptr
         model = self.env.physics.model.ptr
-        known, positions, velocities, walls = np.split(
+        known, positions, velocities, rest = np.split(
             data.plugin_state[model.plugin_stateadr[0] :], [1, 1 + 3 * count, 1 + 6 * count]
         )
+        # Poses, forces and impulses of each wall.
+        walls = len(rest) // (7 + 6 + 6 if self.pushes else 7)
+        poses, forces, pending = np.split(rest, [7 * walls, 13 * walls])
         return {
             "known": known,
             "positions": positions.reshape(-1, 3),
             "velocities": velocities.reshape(-1, 3),
-            "walls": walls.reshape(-1, 7),
+            "walls": poses.reshape(-1, 7),
+            "forces": forces.reshape(-1, 6),
+            "pending": pending.reshape(-1, 6),
         }
 
     def place(self, solver, i):
@@ -44,17 +53,38 @@ class _Followed:
         solver.set_state(i, self.state)
 
     def steps(self, number, seed=0):
-        """Plays random env steps; at the end of each physics step, yields where the cups are."""
+        """Plays random env steps; yields the inputs of each physics step after it."""
         task, physics = self.env.task, self.env.physics
         size = (number, *self.env.action_spec().shape)
         for action in np.random.default_rng(seed).uniform(-1.0, 1.0, size):
             task.before_step(physics, action, None)
             for _ in range(task.action_repeat):
                 task.before_substep(physics, action, None)
-                poses = np.array([cup.whole_pose[:7] for cup in self.cups])
                 physics.step()
-                yield poses
+                mobility = self._mobility()
+                yield self._poses(), mobility
             task.after_step(physics, None)
+
+    def _poses(self):
+        poses = np.array([cup.whole_pose[:7] for cup in self.cups])
+        if self.pushes:  # Those of the plugin differ from MuJoCo's by rounding.
+            own = self.state["walls"][HELD_FLOOR]
+            np.testing.assert_allclose(own[:3], poses[0, :3], atol=1e-12)
+            poses[0] = own
+        return poses
+
+    def _mobility(self):
+        """How easily a cup in a hand moves and turns."""
+        found = np.zeros((len(self.cups), 2))
+        if self.pushes:
+            model, data = self.env.physics.model.ptr, self.env.physics.data.ptr
+            body = model.body(self.cups[0].body.full_identifier).id
+            jacobian, solved = np.empty((2, 6, model.nv))
+            mujoco.mj_jac(model, data, jacobian[:3], jacobian[3:], data.xipos[body], body)
+            mujoco.mj_solveM(model, data, solved, jacobian)
+            each = [mujoco.mju_dot(*rows) for rows in zip(jacobian, solved, strict=True)]
+            found[0] = max(each[:3]), max(each[3:])
+        return found
 
     def check(self, solver, i):
         """Checks that row `i` of the batch equals the environment bit by bit."""
@@ -73,21 +103,31 @@ class _Spoilt(FluidBatchSolver):
 
 def _solver(followed, device=None):
     count = max(each.water.num_points for each in followed)
-    solver = _Spoilt(len(followed), count, len(followed[0].cups), device)
+    first = followed[0]
+    solver = _Spoilt(len(followed), count, len(first.cups), device, first.pushes)
     for i, each in enumerate(followed):
         each.place(solver, i)
     return solver
 
 
-@pytest.mark.parametrize("task", ["transport_water", "pour_water"])
-def test_an_environment_makes_the_steps_of_the_plugin(task):
-    followed = _Followed(task, 806)
+def _step(solver, *told):
+    """Makes a step with inputs of environments."""
+    solver.step(*(np.stack(arrays) for arrays in zip(*told, strict=True)))
+
+
+@pytest.mark.parametrize(
+    ("task", "settings"),
+    [("transport_water", {}), ("pour_water", {}), ("pour_water", {"actor": "franka"})],
+)
+def test_an_environment_makes_the_steps_of_the_plugin(task, settings):
+    followed = _Followed(task, 806, **settings)
     solvers = [_solver([followed], CpuDevice(turns=turns)) for turns in (0, 1, 4)]
-    for poses in followed.steps(4):
+    for told in followed.steps(4):
         for solver in solvers:
-            solver.step(poses[None])
+            _step(solver, told)
             followed.check(solver, 0)
     assert not any(solver.flags[0] for solver in solvers)
+    assert np.any(solvers[0].forces) == followed.pushes
 
 
 def test_particles_in_one_place_part_alike():
@@ -95,19 +135,20 @@ def test_particles_in_one_place_part_alike():
     followed.state["positions"][5] = followed.state["positions"][9]
     followed.state["velocities"][5] = followed.state["velocities"][9]
     solver = _solver([followed], CpuDevice(turns=2))
-    for poses in followed.steps(1):
-        solver.step(poses[None])
+    for told in followed.steps(1):
+        _step(solver, told)
         followed.check(solver, 0)
     apart = solver.positions[0, 5] - solver.positions[0, 9]
     assert 1e-5 < np.linalg.norm(apart) < 0.1
 
 
-def test_environments_of_different_sizes_side_by_side():
-    followed = [_Followed("pour_water", i) for i in (801, 803, 810)]
+@pytest.mark.parametrize("settings", [{}, {"actor": "sawyer"}])
+def test_environments_of_different_sizes_side_by_side(settings):
+    followed = [_Followed("pour_water", i, **settings) for i in (801, 803, 810)]
     assert len({each.water.num_points for each in followed}) == 3
     solver = _solver(followed, CpuDevice(num_threads=2))
-    for poses in zip(*(each.steps(2) for each in followed), strict=True):
-        solver.step(np.stack(poses))
+    for told in zip(*(each.steps(2) for each in followed), strict=True):
+        _step(solver, *told)
     for i, each in enumerate(followed):
         each.check(solver, i)
 
@@ -117,8 +158,8 @@ def test_what_goes_wrong_in_an_environment_changes_no_other():
     solver = _solver([followed] * 3)
     solver.velocities[0, 3] = np.nan
     solver.positions[2, :300] = solver.positions[2, 0]
-    for poses in followed.steps(1):
-        solver.step(np.stack([poses] * 3))
+    for told in followed.steps(1):
+        _step(solver, *[told] * 3)
     followed.check(solver, 1)
     assert solver.flags[0] & NOT_FINITE
     assert solver.flags[1] == 0
@@ -129,9 +170,9 @@ def test_what_does_not_fit_is_refused():
     rope = softgym_mj.load("straighten_rope", split=[800])
     with pytest.raises(InvalidArgumentError, match="there is no water"):
         describe(rope.physics.model.ptr, [])
-    arm = softgym_mj.load("transport_water", split=[800], actor="franka", fidelity="fast")
-    with pytest.raises(InvalidArgumentError, match="without two_way"):
-        describe(arm.physics.model.ptr, [])
+    arm = _Followed("transport_water", 800, actor="franka")
+    with pytest.raises(InvalidArgumentError, match="'pushed': 0"):
+        FluidBatchSolver(1, 10_000, 1).start(0, arm.model)
     followed = _Followed("transport_water", 806)
     model = followed.env.physics.model.ptr
     with pytest.raises(InvalidArgumentError, match="prescribed motion"):

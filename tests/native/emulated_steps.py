@@ -38,9 +38,10 @@ def step_and_check(file, task, variation, steps):
     """Makes some sim steps from a variation's start; each ends like the plugin's."""
     device = _Emulated(file)
     if "water" in task:
-        followed = water._Followed(task, variation)
+        task, _, actor = task.partition("/")
+        followed = water._Followed(task, variation, **({"actor": actor} if actor else {}))
         solver = water._solver([followed], device)
-        told = ((poses,) for poses in followed.steps(1))
+        told = followed.steps(1)
     else:
         followed = cloth._Followed(task, variation, fidelity="fast")
         solver = cloth._solver([cloth._model(followed.env)], device)
@@ -93,4 +94,4 @@ if __name__ == "__main__":
         push_and_check(library, int(number))
     else:
         step_and_check(library, name, int(index), int(number))
-        draw_and_check(library, name, int(index))
+        draw_and_check(library, name.partition("/")[0], int(index))

@@ -19,6 +19,7 @@ CASES = [
     ("drop_cloth", 811),
     ("transport_water", 806),
     ("pour_water", 806),
+    ("transport_water/sawyer", 806),
 ]
 
 

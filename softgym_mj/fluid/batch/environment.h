@@ -35,12 +35,18 @@ struct Environment {
   // State: whether `walls` (walls, 7), the poses at the end of the last step, are known; particles (count, 3) [m],
   // [m/s].
   double *known, *positions, *velocities, *walls;
+  // With walls that the water pushes, else null: forces on each wall about the center of mass of its body (walls, 6)
+  // [N], [N m], impulses that are still to act (walls, 6) [N s], [N m s]; and inverse inertias of bodies: the largest
+  // mobility along an axis [1/kg] and about one [1/(kg m^2)] (bodies, 2).
+  double *forces, *pending;
+  const double* mobility;
 
   // Scratch memory.
   Step* step;
   Particles particles;
   float *spare, *built, *wall_numbers;
-  double* sums;  // Partial sums (SumAll).
+  double* sums;              // Partial sums (SumAll).
+  double *terms, *impulses;  // Of pushed walls: terms of each pair (6,), and impulses in this step (6,).
   int *cell, *start, *order, *spare_order, *pair_particle, *fill, *partial;
   Neighbors neighbors;
   int *begin, *end;
@@ -67,6 +73,8 @@ inline void TakeMemory(const Model& model, Memory* memory, Environment* w) {
   memory->Take(&w->sums, 3 * (n / kShare + 1));
   memory->Take(&w->pair_particle, static_cast<long long>(n) * model.num_walls);
   memory->Take(&w->wall_numbers, 5LL * n * model.num_walls);
+  memory->Take(&w->terms, 6LL * n * model.num_pushed);
+  memory->Take(&w->impulses, 6 * model.num_pushed);
   w->neighbors.capacity = static_cast<long>(kListStride) * n + kListRoom;
   memory->Take(&w->neighbors.index, w->neighbors.capacity);
   Candidates* c = &w->neighbors.candidates;

@@ -17,6 +17,9 @@ struct Batch {
   const int* order;  // (num_envs,) Their order.
   long long* cost;   // (num_envs,) GPU cycles of the last step.
   int* flags;        // (num_envs,) Bits of `Flag`, which accumulate.
+  double *forces, *pending;
+  const double* mobility;
+  long long most_pushed;  // Room for walls in `forces` and `pending`.
 };
 
 // Steps environment `i` in a slot; `turns`: order of iterations (group.h).

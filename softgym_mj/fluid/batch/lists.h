@@ -167,6 +167,8 @@ inline void ListNear(const Environment& w, int wall, float range) {
   const BatchWall& own = m.walls[wall];
   const float* pose = w.step->wall_end + 12 * wall;
   int* list = w.pair_particle + static_cast<long long>(m.count + kLanes) * wall;
+  const bool in_order = kPushes && own.pushed >= 0;  // Sums of pushes go along the list.
+  if (in_order) Each(m.count, [&](int i) { w.cell[i] = 0; });
   Each(m.count, [&](int i) {
     const float* x = w.particles.position + 4 * i;
     if (own.shape != Shape::kPlane) {
@@ -179,8 +181,21 @@ inline void ListNear(const Environment& w, int wall, float range) {
     }
     Vec3<float> normal;
     const Vec3<float> local = ToLocal(pose, Vec3<float>{x[0], x[1], x[2]});
-    if (Distance<float>(own.shape, own.size, local, &normal) < range) list[Add(&w.step->pairs[wall], 1)] = i;
+    if (!(Distance<float>(own.shape, own.size, local, &normal) < range)) return;
+    if (in_order) {
+      w.cell[i] = 1;
+    } else {
+      list[Add(&w.step->pairs[wall], 1)] = i;
+    }
   });
+  if (in_order) {
+    SumUp(w.cell, m.count, w.partial);
+    Each(m.count, [&](int i) {
+      const int before = i > 0 ? w.cell[i - 1] : 0;
+      if (w.cell[i] > before) list[before] = i;
+      if (i == m.count - 1) w.step->pairs[wall] = w.cell[i];
+    });
+  }
   const int near = w.step->pairs[wall];
   Each((near + kLanes - 1) / kLanes * kLanes - near, [&](int k) { list[near + k] = m.count; });
 }

@@ -20,6 +20,11 @@ inline void StepEnvironmentOf(const Batch& batch, int i, int slot) {
     w.velocities = batch.velocities + 3 * particles;
     w.walls = batch.walls + 7 * batch.most_walls * i;
     w.poses = batch.poses + 7 * batch.most_bodies * i;
+    if (kPushes) {
+      w.forces = batch.forces + 6 * batch.most_pushed * i;
+      w.pending = batch.pending + 6 * batch.most_pushed * i;
+      w.mobility = batch.mobility + 2 * batch.most_bodies * i;
+    }
     Memory memory(batch.memory + batch.memory_size * slot);
     TakeMemory(*w.model, &memory, &w);
   });

@@ -5,6 +5,7 @@
 
 #include "fluid/batch/environment.h"
 #include "fluid/batch/lists.h"
+#include "fluid/batch/pushes.h"
 #include "fluid/plugin/sweep.h"
 #include "native/rotation.h"
 
@@ -128,10 +129,15 @@ inline void Substep(Environment* w) {
   EachBlock(0, m.count, [&](int i) { AddCorrection<false>(fluid, p, w->neighbors, i); });
   for (int wall = 0; wall < m.num_walls; ++wall) {
     const WallPairs pairs = PairsOf(*w, wall);
-    EachBlock(0, pairs.count / kLanes, [&](int k) {
-      Collide(fluid, p, pairs, kLanes * k, [](const Vec3<Lanes>&, const Vec3<Lanes>&, Lanes) {});
+    double* terms = TermsOf(*w, wall);
+    EachBlock(0, pairs.count / kLanes, [&](int block) {
+      const int k = kLanes * block;
+      Collide(fluid, p, pairs, k, [&](const Vec3<Lanes>& change, const Vec3<Lanes>& to, Lanes push) {
+        if (kPushes && terms) EachPush(pairs, p.count, k, change, to, push, Writer{terms});
+      });
     });
   }
+  AddImpulses(*w, m.mass / m.h);
   const float rate = 1.0f / m.h;
   Each(4 * m.count, [&](int i) {
     p.position[i] += p.correction[i];
@@ -153,14 +159,16 @@ inline void SmoothAll(const Environment& w) {
       EachBlock(0, pairs.count / kLanes, [&](int k) { FindWallShare(fluid, p, pairs, kLanes * k); });
       float velocity[3], omega[3];
       WallVelocity(pairs.start, pairs.end, m.h, velocity, omega);
+      double* terms = TermsOf(w, wall);
       Each(pairs.count, [&](int k) {
         const int i = pairs.particle[k];
-        double change[3];
-        if (i < m.count) {
-          DragAtWall(p, i, pairs.end, velocity, omega, m.viscosity * fluid.rest_density * pairs.share[k], change);
-        }
+        double change[3] = {0, 0, 0};
+        if (i == m.count) return;
+        DragAtWall(p, i, pairs.end, velocity, omega, m.viscosity * fluid.rest_density * pairs.share[k], change);
+        if (kPushes && terms) DragTerms(p, i, change, terms + 6 * k);
       });
     }
+    AddImpulses(w, m.mass);
   }
 }
 
@@ -175,12 +183,14 @@ inline void StepEnvironment(Environment* w) {
     return;
   }
   PlaceWalls(*w, 0);
+  ClearImpulses(*w);
   for (int s = 0; s < m.substeps; ++s) {
     Each(12 * m.num_walls, [&](int k) { w->step->wall_start[k] = w->step->wall_end[k]; });
     PlaceWalls(*w, static_cast<double>(s + 1) / m.substeps);
     Substep(w);
   }
   SmoothAll(*w);
+  HandOver(*w);
   Each(m.count, [&](int i) {
     const int target = 3 * w->order[i];
     for (int k = 0; k < 3; ++k) {

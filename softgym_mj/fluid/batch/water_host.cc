@@ -43,7 +43,7 @@ std::string Write(const mjModel* m, const mjData* d, const std::vector<int>& bod
   std::string error = ParseConfig(m, instance, &config);
   if (error.empty()) error = CollectWalls(m, instance, config, &walls);
   if (!error.empty()) return error;
-  if (config.two_way || config.flexes) return "expected water without two_way and without flexes.";
+  if (config.flexes) return "expected water without flexes.";
   if (walls.size() > kMostWalls) return "expected at most " + std::to_string(kMostWalls) + " walls.";
   const double timestep = m->opt.timestep;
   *model = {};
@@ -60,6 +60,8 @@ std::string Write(const mjModel* m, const mjData* d, const std::vector<int>& bod
   model->max_speed = static_cast<float>(MaxSpeed(config, timestep));
   model->reach = MaxSpeed(config, timestep) * timestep;
   mju_copy3(model->gravity, m->opt.gravity);
+  model->mass = config.density * config.spacing * config.spacing * config.spacing;
+  model->timestep = timestep;
   model->fluid = MakeConstants(config, model->h);
   for (size_t i = 0; i < walls.size(); ++i) {
     const Wall& wall = walls[i];
@@ -68,6 +70,8 @@ std::string Write(const mjModel* m, const mjData* d, const std::vector<int>& bod
     std::copy(wall.size, wall.size + 3, out->size);
     const auto found = std::find(bodies.begin(), bodies.end(), wall.body);
     out->body = found == bodies.end() ? -1 : static_cast<int>(found - bodies.begin());
+    out->pushed = config.two_way && out->body >= 0 && IsDynamic(m, wall.body) ? model->num_pushed++ : -1;
+    mju_copy3(out->center, m->body_ipos + 3 * wall.body);
     if (out->body < 0) {
       if (!IsFixed(m, wall.body)) return "expected walls that are fixed or have prescribed motion.";
       const Pose pose = GeomPose(m, wall.geom, BodyPose(m, d, wall.body));
@@ -107,10 +111,11 @@ SGM_EXPORT void softgym_mj_fluid_batch_memory(const char* model, long long* size
   sizes[0] = kept.size(), sizes[1] = memory.size();
 }
 
-// Returns the numbers of particles, walls and bodies of a model.
+// Returns the numbers of particles, walls and bodies of a model, and the number of walls if it pushes one.
 SGM_EXPORT void softgym_mj_fluid_batch_counts(const char* bytes, int* counts) {
   const auto& model = *reinterpret_cast<const softgym_mj::fluid::Model*>(bytes);
   counts[0] = model.count, counts[1] = model.num_walls, counts[2] = model.num_bodies;
+  counts[3] = model.num_pushed ? model.num_walls : 0;
 }
 
 // Steps all environments by at most as many threads as slots; `turns`: order of iterations (group.h).

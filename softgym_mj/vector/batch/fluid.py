@@ -21,6 +21,8 @@ POSITION_AND_QUATERNION = slice(7)  # Position and quaternion of a whole pose (8
 class FluidBatch(BatchPhysics):
     """Batch physics of water in cups; the moving cup follows the rules of `CupMover`."""
 
+    _pushes = False  # Whether the water exerts forces on the cup.
+
     def __init__(self, env: Environment, num_envs: int, device: Device):
         """Allocates the batch for an environment's task.
 
@@ -81,7 +83,11 @@ class FluidBatch(BatchPhysics):
         """Returns views of the solver's state and of the cups' poses, by name."""
         state = self._water.state
         found = {name: state[name] for name in ("known", "positions", "velocities")}
-        found["walls"] = state["rest"].reshape(-1, 7)
+        # Poses of walls, and with water that pushes them, forces and impulses.
+        walls = len(state["rest"]) // (7 + 2 * 6 if self._pushes else 7)
+        poses, forces, pending = np.split(state["rest"], [7 * walls, 13 * walls])
+        found["walls"] = poses.reshape(-1, 7)
+        found["forces"], found["pending"] = forces.reshape(-1, 6), pending.reshape(-1, 6)
         for name, cup in zip(self._names, self._cups, strict=True):
             found[f"{name} position"], found[f"{name} quaternion"] = cup.position, cup.quaternion
         return found
