@@ -15,9 +15,10 @@ from softgym_mj.robots.arm.joint_servos import SOLVE_EVERY
 from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.arm.mounts import Mount
 from softgym_mj.robots.arm.position_action import PositionAction
-from softgym_mj.robots.arm_batch import chain, dynamics, hands, inverse_kinematics, models
+from softgym_mj.robots.arm_batch import dynamics, hands, inverse_kinematics
 from softgym_mj.robots.arm_batch.chain import Pose
 from softgym_mj.robots.arm_batch.leads import LEADS
+from softgym_mj.robots.arm_batch.led_arms import LedArms
 from softgym_mj.robots.arm_batch.state import ArmState, packed
 from softgym_mj.robots.base import SIM_STEP
 
@@ -43,14 +44,11 @@ class Motion(NamedTuple):
     solids: hands.SolidSteps
 
 
-class ArmBatch:
+class ArmBatch(LedArms):
     """Arms of environments that step together, on the device of their arrays.
 
     Nothing pushes on the arms. Numbers have double precision: the posture's cost is a millionth of
     the tools'. `torch.from_dlpack` shares arrays with PyTorch.
-
-    Attributes:
-        kinematics: kinematics of the arms of an environment.
     """
 
     def __init__(
@@ -70,14 +68,11 @@ class ArmBatch:
             action: one of `LEADS`.
             grasp: one of `GRASPS`.
         """
-        self._arm, self._joints = arm, len(arm.joints)
+        tips = AttachGrasp.tip_clearance - GRASPS[grasp].tip_clearance
         with jax.enable_x64(True):
-            model, lags = models.dynamic_model(arm, timestep)
-            self._dynamics, self._lags = dynamics.dynamics_of(model), lags
-            tips = AttachGrasp.tip_clearance - GRASPS[grasp].tip_clearance
-            self.kinematics = inverse_kinematics.kinematics_of(arm, tuple(mounts), tips)
-            self._solids = hands.solids_of(arm, grasp)
-        self._grasp, self._action = grasp, LEADS[action](arm, self.kinematics)
+            kinematics = inverse_kinematics.kinematics_of(arm, tuple(mounts), tips)
+            super().__init__(arm, kinematics, LEADS[action](arm, kinematics), timestep)
+        self._grasp, self._solids = grasp, hands.solids_of(arm, grasp)
         self._parts = round(SIM_STEP / timestep)
         self._step = jax.jit(jax.vmap(self._env_step, (0, 0, None), (0, 1)), static_argnums=2)
 
@@ -158,27 +153,6 @@ class ArmBatch:
             shut = jnp.maximum(state.fingers - CLOSING_SPEED * SIM_STEP, lowest)
         return state._replace(fingers=jnp.where(closed[:, None], shut, opened) * jnp.ones(2))
 
-    def _solve(self, state: ArmState, entries: jax.Array) -> ArmState:
-        """Starts a sim step with a solution of the inverse kinematics."""
-        state = self._lead(state, entries, True)
-        solved = self._action.solve(state)
-        return state._replace(
-            reference=solved.angles,
-            rates=solved.speeds,
-            start=state.goal,
-            goal=solved.angles + self._lags * solved.speeds,
-            leader=inverse_kinematics.tools(self.kinematics, solved.angles),
-            failures=state.failures + solved.failed.astype(jnp.int32),
-        )
-
-    def _lead(self, state: ArmState, entries: jax.Array, moves: jax.Array | bool) -> ArmState:
-        """Returns the state with the command moved by a sim step, if it `moves`."""
-        later = self._action.advance(state, entries)
-        return jax.tree.map(lambda old, new: jnp.where(moves, new, old), state, later)
-
-    def _poses(self, positions: jax.Array) -> Pose:
-        return jax.vmap(functools.partial(chain.poses, self._dynamics.chain))(positions)
-
     def _move(
         self, state: ArmState, pose: Pose, phase: jax.Array
     ) -> tuple[ArmState, Pose, hands.SolidSteps]:
@@ -209,9 +183,7 @@ class ArmBatch:
             pose: their pose.
             phase: sim steps from the last solution to the end of the physics step.
         """
-        arm, arms, way = self._dynamics, self.kinematics, phase / SOLVE_EVERY
-        command = (1.0 - way) * state.start + way * state.goal
-        command = jnp.concatenate([command, state.fingers], axis=1)
+        arm, arms, command = self._dynamics, self.kinematics, self._commands(state, phase)
         positions, speeds, inertia = jax.vmap(functools.partial(dynamics.step, arm))(
             pose, state.positions, state.speeds, command
         )

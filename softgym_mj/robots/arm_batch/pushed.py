@@ -10,7 +10,6 @@ import numpy as np
 
 from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.arm.mounts import Mount
-from softgym_mj.robots.arm_batch import chain as chains
 from softgym_mj.robots.arm_batch import commands, hands, inverse_kinematics
 from softgym_mj.robots.arm_batch.arms import ArmBatch
 from softgym_mj.robots.arm_batch.state import ArmState
@@ -136,21 +135,11 @@ class PushedArms(ArmBatch):
 
     def _finished(self, state: ArmState, push: Push) -> tuple[ArmState, Ended]:
         """Ends the last sim step of an env step with its push."""
-        state, arms = _pushed(state, push), self.kinematics
-        pose, chain = self._poses(state.positions), self._dynamics.chain
-        points, rotations, _ = inverse_kinematics.hands(arms, chain, pose, state.speeds)
-        joints, fingers = jnp.split(state.positions, [self._joints], axis=1)
-        own = (
-            hands.quaternions(rotations), fingers.sum(1, keepdims=True),
-            joints, state.speeds[:, : self._joints],
-        )  # fmt: skip
-        sensed = jnp.concatenate([points.ravel(), jnp.concatenate(own, axis=1).ravel()])
-        ends = commands.at_end(self._arm, arms, self._action.commanded(state))
-        moving = np.flatnonzero(chain.moves.any(1))
-        places = arms.base[:, None] + chains.apply(arms.yaw[:, None], pose.position[:, moving])
-        turns = hands.quaternions(chains.product(arms.yaw[:, None], pose.rotation[:, moving]))
-        poses = jnp.concatenate([places, turns], axis=-1).reshape(-1, 7)
-        return state, Ended(sensed, ends.sum(), self._action.remembered(state), poses)
+        state = _pushed(state, push)
+        pose = self._poses(state.positions)
+        ends = commands.at_end(self._arm, self.kinematics, self._action.commanded(state))
+        remembered = self._action.remembered(state)
+        return state, Ended(self._sensed(state, pose), ends.sum(), remembered, self._placed(pose))
 
 
 def _pushed(state: ArmState, push: Push) -> ArmState:
