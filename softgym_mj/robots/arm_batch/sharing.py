@@ -1,6 +1,7 @@
 """Arrays of NumPy and PyTorch as arrays of JAX and back, without copies by the host."""
 
 import os
+from collections.abc import Mapping
 from typing import Any
 
 import jax
@@ -31,6 +32,18 @@ def to_jax(array: Any, device: jax.Device) -> jax.Array:
     if isinstance(array, np.ndarray):
         return jax.device_put(array, device)
     return jax.dlpack.from_dlpack(array)
+
+
+def shared(arrays: Any, device: jax.Device) -> Any:
+    """Returns nested arrays by `to_jax`."""
+    return jax.tree.map(lambda array: to_jax(array, device), arrays)
+
+
+def put(into: Mapping[str, Any], found: Mapping[str, jax.Array]) -> None:
+    """Copies arrays of JAX into arrays of NumPy or PyTorch with their names."""
+    for name, array in found.items():
+        whole = into[name]
+        whole[...] = like(whole, array).reshape(whole.shape)
 
 
 def like(array: Any, found: jax.Array) -> Any:

@@ -8,7 +8,7 @@ import numpy as np
 
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.robots.arm.arms import Arms
-from softgym_mj.robots.arm.joint_servos import SOLVE_EVERY
+from softgym_mj.robots.arm.joint_servos import SOLVE_EVERY, JointServos
 from softgym_mj.robots.arm_batch import commands
 
 _TURNS = "turn_"  # Prefix of the names of arrays of `ArmState.turns`.
@@ -82,6 +82,28 @@ def read_state(arms: Arms) -> dict[str, np.ndarray]:
         "limits": np.array(arms.limits),
         "failures": state["failures"].astype(np.int32),
     }
+
+
+def joint_views(servos: JointServos) -> dict[str, np.ndarray]:
+    """Returns views of the arms' positions, speeds and finger commands in a scene, by name."""
+    data, fingers, number = servos.fingers.data, servos.fingers, servos.number
+    size, views = number * (len(servos.joints) + 2), {}
+    for name, array, joints, own in (
+        ("arm_qpos", data.qpos, servos.positions_at, fingers.positions_at),
+        ("arm_qvel", data.qvel, servos.speeds_at, fingers.speeds_at),
+    ):
+        order = np.concatenate([joints.reshape(number, -1), own], axis=1).ravel()
+        assert np.array_equal(order, order[0] + np.arange(size)), "joints, then fingers"
+        views[name] = array[order[0] : order[0] + size]
+    for i, (first, last) in enumerate(fingers.motors.tolist()):
+        views[f"fingers_{i}"] = data.ctrl[first : last + 1]
+    return views
+
+
+def joint_state(own: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Returns arrays for `joint_views` from a row of the state by name."""
+    arms = {"arm_qpos": own["positions"].ravel(), "arm_qvel": own["speeds"].ravel()}
+    return arms | {f"fingers_{k}": commands for k, commands in enumerate(own["fingers"])}
 
 
 def packed(arrays: Mapping[str, Any]) -> ArmState:

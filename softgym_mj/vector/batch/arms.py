@@ -1,7 +1,6 @@
 """`ArmClothBatch`: batch physics of a rope or cloth with robot arms."""
 
 import functools
-from collections.abc import Mapping
 from typing import Any
 
 import jax
@@ -21,8 +20,15 @@ from softgym_mj.robots.arm.mounts import Mount
 from softgym_mj.robots.arm_batch import models
 from softgym_mj.robots.arm_batch.arms import kinds_of
 from softgym_mj.robots.arm_batch.pushed import Push, PushedArms
-from softgym_mj.robots.arm_batch.sharing import device_like, like, to_jax
-from softgym_mj.robots.arm_batch.state import control_state, packed, read_state, unpacked
+from softgym_mj.robots.arm_batch.sharing import device_like, put, shared
+from softgym_mj.robots.arm_batch.state import (
+    control_state,
+    joint_state,
+    joint_views,
+    packed,
+    read_state,
+    unpacked,
+)
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.grip import NONE
 from softgym_mj.tasks.shared.base import Task
@@ -32,6 +38,14 @@ from softgym_mj.vector.batch.physics import Arrays
 
 # State of grips in `Arms.get_state`.
 GRIPS = "center", "held", "offset", "dropped", "yielded", "order", "solid", "workspace"
+
+
+def check_steps(task: Task) -> None:
+    """Raises `InvalidArgumentError` if arms in batches do not support the steps of a task."""
+    if task.physics_timestep != SIM_STEP:
+        raise cpu_only(f"timestep={task.physics_timestep}")
+    if task.action_repeat % SOLVE_EVERY:
+        raise cpu_only(f"action_repeat={task.action_repeat} (odd) with arms")
 
 
 @functools.lru_cache(maxsize=4)
@@ -53,10 +67,7 @@ class ArmClothBatch(ClothBatch):
     def _check(self, task: Task) -> None:
         if not isinstance(task.actor, Arms):
             raise cpu_only(f"actor={task.actor.name!r}")
-        if task.physics_timestep != SIM_STEP:
-            raise cpu_only(f"timestep={task.physics_timestep}")
-        if task.action_repeat % SOLVE_EVERY:
-            raise cpu_only(f"action_repeat={task.action_repeat} (odd) with arms")
+        check_steps(task)
 
     @functools.cached_property
     def _arms(self) -> PushedArms:
@@ -139,19 +150,7 @@ class ArmClothBatch(ClothBatch):
         return {**grips, "arms": arms}
 
     def _actor_arrays(self) -> Arrays:
-        data, servos = self._env.physics.data.ptr, self._actor.servos
-        fingers, size = servos.fingers, servos.number * (len(servos.joints) + 2)
-        views = {}
-        for name, array, joints, own in (
-            ("arm_qpos", data.qpos, servos.positions_at, fingers.positions_at),
-            ("arm_qvel", data.qvel, servos.speeds_at, fingers.speeds_at),
-        ):
-            order = np.concatenate([joints.reshape(servos.number, -1), own], axis=1).ravel()
-            assert np.array_equal(order, order[0] + np.arange(size)), "joints, then fingers"
-            views[name] = array[order[0] : order[0] + size]
-        for i, (first, last) in enumerate(fingers.motors.tolist()):
-            views[f"fingers_{i}"] = data.ctrl[first : last + 1]
-        return views
+        return joint_views(self._actor.servos)
 
     # ------------------------------------------------------------------ environments
 
@@ -174,7 +173,7 @@ class ArmClothBatch(ClothBatch):
         solids = {**hands.solids._asdict(), "jacobians": hands.jacobians}
         solids["responses"] = self._push.responses
         for into, arrays in ((self._hands, hands._asdict()), (self._moved, solids)):
-            self._put(into, {name: arrays[name] for name in into if name in arrays})
+            put(into, {name: arrays[name] for name in into if name in arrays})
         if self._count > 0:
             self._sense(self._hands["points"])
         # JAX and PyTorch queue work separately and wait for each other where arrays are shared.
@@ -185,7 +184,7 @@ class ArmClothBatch(ClothBatch):
     def finish(self) -> None:
         with jax.enable_x64(True):
             state, ended = self._arms.finish(self._now, self._pushed())
-        self._put(self.state["arms"], {**unpacked(state), **ended._asdict()})
+        put(self.state["arms"], {**unpacked(state), **ended._asdict()})
         self._results, self._count = (state, ended), 0
         points = self.state["arms"]["sensed"][:, : 3 * self._actor.num_grippers]
         self._sense(points.reshape((len(points), -1, 3)))
@@ -208,14 +207,7 @@ class ArmClothBatch(ClothBatch):
 
     def _shared(self, arrays: Any) -> Any:
         """Returns arrays of JAX in place of arrays of this batch."""
-        return jax.tree.map(lambda array: to_jax(array, self._jax_device), arrays)
-
-    @staticmethod
-    def _put(into: Mapping[str, Array], found: Mapping[str, jax.Array]) -> None:
-        """Copies arrays of JAX into arrays with their names."""
-        for name, array in found.items():
-            whole = into[name]
-            whole[...] = like(whole, array).reshape(whole.shape)
+        return shared(arrays, self._jax_device)
 
     def _sense(self, tools: Array) -> None:
         """Ends a sim step with tool points (num_envs, n, 3) [m]."""
@@ -264,9 +256,8 @@ class ArmClothBatch(ClothBatch):
         get, state = self._device.get, self.state
         own = {name: get(array[i]) for name, array in state["arms"].items()}
         grips = {name: get(state[name][i]) for name in GRIPS if name in state}
-        arms = {"arm_qpos": own["positions"].ravel(), "arm_qvel": own["speeds"].ravel()}
-        arms |= {f"fingers_{k}": commands for k, commands in enumerate(own["fingers"])}
-        return {**self._solver.get_state(i), **arms}, {**grips, **control_state(packed(own))}
+        whole = {**self._solver.get_state(i), **joint_state(own)}
+        return whole, {**grips, **control_state(packed(own))}
 
 
 def _own(name: str) -> str:
