@@ -1,5 +1,6 @@
 """Commanded points of one environment: `CommandFilter` and the reach of arms as functions."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -26,15 +27,22 @@ class Filter(NamedTuple):
     step: jax.Array
 
 
-def advance(state: Filter, wanted: jax.Array, leader: jax.Array) -> Filter:
+Draw = Callable[[jax.Array, jax.Array, float], jax.Array]  # As `drawn_in`.
+
+
+def advance(
+    state: Filter, wanted: jax.Array, leader: jax.Array, draw: Draw | None = None
+) -> Filter:
     """Runs a sim step.
 
     Args:
         state: state of the filter.
         wanted: desired commanded points (n, 3) [m].
         leader: points of the reference (n, 3) [m].
+        draw: holds commanded points near the filter and this near the leader; None for `drawn_in`.
     """
-    commanded = drawn_in(wanted, state.points, command_filter.LEAD)
+    draw = draw or drawn_in
+    commanded = draw(wanted, state.points, command_filter.LEAD)
     along = command_filter.ALONG * SIM_STEP
     along = drawn_in(commanded - state.commanded, jnp.zeros_like(commanded), along)
     gap = commanded - along - state.points
@@ -42,7 +50,7 @@ def advance(state: Filter, wanted: jax.Array, leader: jax.Array) -> Filter:
     braking = (jnp.sqrt(1.0 + 8.0 * distance / most) - 1.0) / 2.0 * most
     step = gap * (jnp.minimum(braking, distance) / jnp.maximum(distance, 1e-12))
     points = state.points + drawn_in(along + step, state.step, most)
-    points = drawn_in(points, leader, cartesian.LEAD)
+    points = draw(points, leader, cartesian.LEAD)
     return Filter(commanded, points, points - state.points)
 
 

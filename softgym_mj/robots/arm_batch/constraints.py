@@ -60,7 +60,6 @@ def rows_of(model: mujoco.MjModel) -> Rows:
     low, high = model.jnt_range.T
     coupling = np.zeros(model.njnt)
     coupling[first], coupling[second] = 1.0, -1.0
-    inverse = model.dof_invweight0
     solref = np.vstack([model.eq_solref[:1], model.jnt_solref])
     assert np.all(solref > 0.0), "time constant and damping ratio"
     return Rows(
@@ -68,11 +67,17 @@ def rows_of(model: mujoco.MjModel) -> Rows:
         high=high.copy(),
         coupling=coupling,
         zero=model.qpos0.copy(),
-        inverse=np.append(inverse[first] + inverse[second], inverse),
+        inverse=with_coupling(model, model.dof_invweight0),
         time=solref[:, 0],
         ratio=solref[:, 1],
         impedance=np.vstack([model.eq_solimp[:1], model.jnt_solimp]),
     )
+
+
+def with_coupling(model: mujoco.MjModel, inverse: np.ndarray) -> np.ndarray:
+    """Returns `Rows.inverse` (m + 1,) from the inverse inertias (m,) of the model's joints."""
+    ends = [model.eq_obj1id[0], model.eq_obj2id[0]]
+    return np.append(inverse[ends].sum(), inverse)
 
 
 def evaluate(

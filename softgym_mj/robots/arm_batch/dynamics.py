@@ -124,7 +124,12 @@ def mass_and_bias(arm: Dynamics, pose: Pose, speeds: jax.Array) -> tuple[jax.Arr
 
 
 def step(
-    arm: Dynamics, pose: Pose, angles: jax.Array, speeds: jax.Array, commands: jax.Array
+    arm: Dynamics,
+    pose: Pose,
+    angles: jax.Array,
+    speeds: jax.Array,
+    commands: jax.Array,
+    push: jax.Array | float = 0.0,
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Returns joint positions and speeds after a physics step, and the inertia (m, m) in it.
 
@@ -135,6 +140,7 @@ def step(
         pose: its pose at `angles`.
         angles, speeds: positions (m,) [rad or m] and speeds (m,) of the joints.
         commands: commanded positions (m,) [rad or m].
+        push: further forces (m,) [N m or N].
     """
     h, servos = arm.timestep, arm.servos
     mass, bias = mass_and_bias(arm, pose, speeds)
@@ -145,6 +151,7 @@ def step(
     implicit = jnp.where(free, h * servos.damping + h**2 * servos.stiffness, 0.0)
     metric = mass + jnp.diag(implicit + h * arm.damping)
     force -= bias + arm.damping * speeds + jnp.where(free, h * servos.stiffness, 0.0) * speeds
+    force += push
     rows = constraints.evaluate(arm.rows, h, angles, speeds, jnp.diag(mass), jnp.diag(metric))
 
     def change(_, found):

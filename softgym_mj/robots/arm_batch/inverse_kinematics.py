@@ -18,8 +18,6 @@ from softgym_mj.robots.arm_batch import clearance, quadratic, twists
 from softgym_mj.robots.arm_batch.chain import Chain
 from softgym_mj.robots.arm_batch.models import at_origin
 
-COSTS = np.repeat([cartesian.POSITION_COST, cartesian.ORIENTATION_COST], 3)
-
 
 class Kinematics(NamedTuple):
     """Arms of a kind and their mounts.
@@ -31,6 +29,7 @@ class Kinematics(NamedTuple):
         tool_body: body of the tool.
         upright: rotation of the tool at home in the mount's frame (3, 3).
         home: joint angles at home (m,) [rad].
+        costs: costs of the tools' positions [1/m] and orientations [1/rad] (6,).
         low, high: limits of joints (m,) [rad].
         speed: limits of their speeds (m,) [rad/s].
         shapes: shapes that keep away from the floor and other arms.
@@ -44,6 +43,7 @@ class Kinematics(NamedTuple):
     tool_body: int
     upright: np.ndarray
     home: np.ndarray
+    costs: np.ndarray
     low: np.ndarray
     high: np.ndarray
     speed: np.ndarray
@@ -66,18 +66,26 @@ class Reference(NamedTuple):
     failed: jax.Array
 
 
-def kinematics_of(arm: Arm, mounts: tuple[Mount, ...], tips: float) -> Kinematics:
+def kinematics_of(
+    arm: Arm,
+    mounts: tuple[Mount, ...],
+    tips: float = 0.0,
+    home: np.ndarray | None = None,
+    orientation_cost: float = cartesian.ORIENTATION_COST,
+) -> Kinematics:
     """Returns the kinematics of arms.
 
     Args:
         arm: kind of arm.
         mounts: bases of the arms.
-        tips: as in `bodies.kinematic_model`.
+        tips, orientation_cost: as in `JointServos`.
+        home: joint angles at home (m,) [rad]; None for `bodies.home`.
     """
+    home = bodies.home(arm) if home is None else home
     model = bodies.kinematic_model(arm, (at_origin(arm),), tips)
     (name,) = bodies.names(arm, 1)
     site, (geoms,) = model.site(f"{name}/{arm.tcp_site}"), bodies.outer_geoms(model, [name])
-    chain, home = chains.chain_of(model), bodies.home(arm)
+    chain = chains.chain_of(model)
     low, high = model.jnt_range.T
     turn = chains.matrices(site.quat[None])[0]
     pose = chains.poses(chain, jnp.asarray(home))
@@ -92,6 +100,7 @@ def kinematics_of(arm: Arm, mounts: tuple[Mount, ...], tips: float) -> Kinematic
         tool_body=body,
         upright=np.asarray(pose.rotation[body]) @ turn,
         home=home,
+        costs=np.repeat([cartesian.POSITION_COST, orientation_cost], 3),
         low=low.copy(),
         high=high.copy(),
         speed=np.array(arm.velocity_limits),
@@ -226,8 +235,8 @@ def _task(
     turned = rotation.T
     own = jnp.concatenate([chains.product(turned, linear[0]), chains.product(turned, angular[0])])
     error = twists.logarithm(chains.product(turned, upright), chains.apply(turned, goal - point))
-    jacobian = -COSTS[:, None] * chains.product(twists.inverse_jacobian(error), own)
-    weighted = COSTS * error
+    jacobian = -arms.costs[:, None] * chains.product(twists.inverse_jacobian(error), own)
+    weighted = arms.costs * error
     matrix = (jacobian[:, :, None] * jacobian[:, None]).sum(0)
     vector = (jacobian * weighted[:, None]).sum(0)
     return matrix, vector, cartesian.TASK_DAMPING * (weighted**2).sum()

@@ -50,6 +50,7 @@ class PositionLead(Lead):
         self._arm, self._arms = arm, arms
 
     def advance(self, state: ArmState, entries: jax.Array) -> ArmState:
+        assert state.limits is not None
         wanted = state.filter.commanded + MAX_DISPLACEMENT * entries[:, :3]
         wanted = commands.within_reach(self._arm, self._arms, wanted, state.limits)
         return state._replace(filter=commands.advance(state.filter, wanted, state.leader))

@@ -7,6 +7,7 @@ import jax
 import numpy as np
 
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.robots.arm.actor import ArmActor
 from softgym_mj.robots.arm.arms import Arms
 from softgym_mj.robots.arm.joint_servos import SOLVE_EVERY, JointServos
 from softgym_mj.robots.arm_batch import commands
@@ -26,8 +27,8 @@ class ArmState(NamedTuple):
         filter: command filter; arrays (num_envs, n, 3), or of commanded joints (num_envs, n m, 1).
         fingers: commands of the fingers (num_envs, n, 2) [m].
         leader: tool points of the reference (num_envs, n, 3) [m].
-        limits: lowest and highest commanded point (num_envs, 2, 3) [m].
         failures: number of solutions that were not found (num_envs,).
+        limits: lowest and highest commanded point (num_envs, 2, 3) [m]; not of arms with cups.
         turns, oriented: filter of rotations, relative to the orientations (num_envs, n, 4) of the
             tools that it leads, with the action "pose" only.
     """
@@ -41,19 +42,19 @@ class ArmState(NamedTuple):
     filter: commands.Filter
     fingers: jax.Array
     leader: jax.Array
-    limits: jax.Array
     failures: jax.Array
+    limits: jax.Array | None = None
     turns: commands.Filter | None = None
     oriented: jax.Array | None = None
 
 
-def read_state(arms: Arms) -> dict[str, np.ndarray]:
+def read_state(arms: ArmActor) -> dict[str, np.ndarray]:
     """Returns a row of the state by name, from the arms of an environment between env steps.
 
     Raises:
         InvalidArgumentError: if the controller is between two solutions.
     """
-    state, number = arms.get_state(), len(arms.mounts)
+    state, number = arms.get_state(), arms.servos.number
     phase = int(state["phase"])
     if phase != SOLVE_EVERY - 1:
         raise InvalidArgumentError("phase", phase, [SOLVE_EVERY - 1])
@@ -79,7 +80,7 @@ def read_state(arms: Arms) -> dict[str, np.ndarray]:
         **({"oriented": state["oriented"]} if "oriented" in state else {}),
         "fingers": data.ctrl[fingers.motors],
         "leader": arms.controller.points(),
-        "limits": np.array(arms.limits),
+        **({"limits": np.array(arms.limits)} if isinstance(arms, Arms) else {}),
         "failures": state["failures"].astype(np.int32),
     }
 
@@ -127,7 +128,10 @@ def unpacked(state: ArmState) -> dict[str, Any]:
 
 
 def control_state(own: ArmState) -> dict[str, np.ndarray]:
-    """Returns entries of `Arms.get_state` but those of grips, of one environment (NumPy)."""
+    """Returns entries of `get_state` of the arms, of one environment (NumPy).
+
+    Those of grips and cups are left out.
+    """
     return {
         "configuration": own.reference.ravel(),
         "velocity": own.rates.ravel(),
