@@ -208,7 +208,6 @@ def test_what_it_cannot_do_is_refused_by_name():
         ("straighten_rope", {"actor": "pick_and_place"}, "actor='pick_and_place'"),
         ("straighten_rope", {"observation": "point_cloud"}, "point_cloud' is.*device='cpu'"),
         ("straighten_rope", {"render_mode": "rgb_array"}, "render_mode='rgb_array'"),
-        ("transport_water", {"actor": "sawyer"}, "actor='sawyer"),
         ("spread_cloth", {"count_intersections": True}, "count_intersections=True"),
         ("straighten_rope", {"context": "fork"}, "context='fork'"),
         ("straighten_rope", {"num_workers": 3}, "num_workers=3"),

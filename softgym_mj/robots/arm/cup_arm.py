@@ -49,8 +49,12 @@ class CupArm(ArmActor, CupMover):
     as fast as its joints can; the command waits if the hand falls behind or cannot reach it. The
     handle is beside the cup, so dtheta rotates the wrist about the pointing direction of the hand.
     Water pushes the cup, hence the joints. The arm does not collide.
+
+    Attributes:
+        mount: base of the arm.
     """
 
+    mount: Mount
     _lead: CommandFilter
 
     def __init__(self, arm: Arm, tool: CupTool, visual: str = "primitive"):
@@ -67,10 +71,10 @@ class CupArm(ArmActor, CupMover):
     def _build(self, arm: Arm, base_x: float, visual: str):
         self.arm, self.name, self.wrists = arm, f"{arm.name}/cup", arm_bodies.wrists(1)
         self._mjcf_root = mjcf.RootElement(model="arms")
-        mount = Mount((base_x, GRIP[1] + arm.standoff, 0.0), -math.pi / 2, *arm.reach)
-        arm_bodies.add_arms(self._mjcf_root, arm, [mount], visual=visual)
+        self.mount = Mount((base_x, GRIP[1] + arm.standoff, 0.0), -math.pi / 2, *arm.reach)
+        arm_bodies.add_arms(self._mjcf_root, arm, [self.mount], visual=visual)
         home = np.array(arm.home_cup)
-        self.servos = JointServos(arm, [mount], home, orientation_cost=ORIENTATION_COST)
+        self.servos = JointServos(arm, [self.mount], home, orientation_cost=ORIENTATION_COST)
         self._lead = CommandFilter(1, clipped)
         (name,) = arm_bodies.names(arm, 1)
         tcp = self._mjcf_root.find("site", f"{name}/{arm.tcp_site}")

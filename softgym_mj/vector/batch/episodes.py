@@ -270,11 +270,11 @@ class BatchEpisodes(Backend):
 
 
 def _physics_class(task: Task) -> Callable[[Environment, int, Device], BatchPhysics]:
-    if not task.flexes.flexes:
-        return FluidBatch
+    is_water = not task.flexes.flexes
     if not task.actor.wrists:
-        return ClothBatch
-    return import_extra("softgym_mj.vector.batch.arms", "JAX", "gpu-arms").ArmClothBatch
+        return FluidBatch if is_water else ClothBatch
+    module, name = ("cup_arms", "CupArmBatch") if is_water else ("arms", "ArmClothBatch")
+    return getattr(import_extra(f"softgym_mj.vector.batch.{module}", "JAX", "gpu-arms"), name)
 
 
 def _observations(example: SoftGymEnv) -> tuple[str, ...]:
