@@ -1,6 +1,6 @@
 """Entries of states: numbers with a name, kind and unit, and those that several tasks list.
 
-Labels of data sheets, symmetries and point sets follow from the entries of a task.
+Labels of data sheets and symmetries follow from the entries of a task.
 """
 
 from collections.abc import Mapping
