@@ -81,10 +81,9 @@ def test_the_least_is_of_those_that_are_drawn():
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("backup_entropy", [False, True])
-def test_losses_are_those_of_the_authors(backup_entropy):
+def test_losses_are_those_of_the_authors():
     seeds = [0, 1]
-    rlpd = _made(seeds, dataclasses.replace(SMALL, backup_entropy=backup_entropy, tau=0.5))
+    rlpd = _made(seeds, dataclasses.replace(SMALL, tau=0.5))
     for step in range(2):  # So that targets are no copies.
         rlpd.update(_batch(seeds, step))
     batch, noise = _batch(seeds, 5), torch.randn(2, NUMBER, ACTION)
@@ -93,7 +92,7 @@ def test_losses_are_those_of_the_authors(backup_entropy):
     for source, state in zip(rlpd.sources, before, strict=True):
         source.set_state(state)
     shares = drawn(rlpd.sources[:2], 4, normal=False)
-    following, later = rlpd.actor.sample(batch.next_observation, noise)
+    following, _ = rlpd.actor.sample(batch.next_observation, noise)
     chosen, density = rlpd.actor.sample(batch.observation, noise)
     for k in range(2):
         critics, targets = (
@@ -104,7 +103,6 @@ def test_losses_are_those_of_the_authors(backup_entropy):
         for i in range(NUMBER):
             after = torch.cat([batch.next_observation[k, i], following[k, i]])
             value = min(targets[c](after).item() for c in taken)
-            value -= weight * later[k, i].item() * backup_entropy
             target = batch.reward[k, i].item() + 0.9 * value
             own = torch.cat([batch.observation[k, i], batch.action[k, i]])
             expected += sum((c(own).item() - target) ** 2 for c in critics) / NUMBER

@@ -35,7 +35,6 @@ class RLPDSettings(StateSACSettings):
         jobs: Processes that play them; None for the number of cores.
         critics: Number of critics.
         least_of: Number of random critics whose minimum is the target.
-        backup_entropy: Whether targets include the entropy of next actions.
 
     Raises:
         InvalidArgumentError: for a value out of range.
@@ -60,7 +59,6 @@ class RLPDSettings(StateSACSettings):
     jobs: int | None = None
     critics: int = 10
     least_of: int = 2
-    backup_entropy: bool = False
 
     def __post_init__(self):
         super().__post_init__()
@@ -111,12 +109,10 @@ class RLPD(SAC):
         """Returns critic targets (seeds, n) with the minimum of a new random subset of critics."""
         settings = self.settings
         with torch.no_grad():
-            action, density = self.actor.sample(batch.next_observation, noise)
+            action, _ = self.actor.sample(batch.next_observation, noise)
             values = self.targets(batch.next_observation, action)
             shares = drawn(self._own, settings.critics, normal=False)
-            value = least(values, shares, settings.least_of)
-            if settings.backup_entropy:
-                value = value - self.alpha[:, None] * density
+            value = least(values, shares, settings.least_of)  # Without the entropy of the action.
             return batch.reward + batch.discount * value
 
     def update(self, batch: Batch) -> dict[str, Tensor]:

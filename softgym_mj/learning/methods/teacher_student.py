@@ -1,8 +1,8 @@
 """Teacher and student (Chen et al., 2020): a policy of images imitates one of states.
 
 Only training needs the state, and only simulation trains: there the state is known. The teacher
-learns by a method for states, such as soft actor-critic; the student learns from the teacher by
-`distill`, in the same environments and the same training.
+learns by `sac`; the student learns from the teacher by `distill`, in the same environments and the
+same training.
 """
 
 import dataclasses
@@ -26,9 +26,7 @@ class TeacherStudentSettings(StudentSettings):
     """Settings of teacher and student.
 
     Attributes:
-        teacher_method: name of the method by which the teacher learns.
-        teacher_preset: name of a preset of that method, whose settings the teacher has.
-        teacher_settings: settings of that method by name that replace the preset's.
+        teacher_settings: settings by name of the teacher, which has the preset "fast" of `sac`.
         teacher_env_steps: number of env steps of each seed from which the teacher learns; the
             student learns from those that follow.
 
@@ -36,8 +34,6 @@ class TeacherStudentSettings(StudentSettings):
         InvalidArgumentError: for a number out of range.
     """
 
-    teacher_method: str = "sac"
-    teacher_preset: str = "fast"
     teacher_settings: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     teacher_env_steps: int = 204_800
 
@@ -121,16 +117,14 @@ def make(settings: TeacherStudentSettings, problem: Problem) -> TeacherStudent:
     """Returns the learner of a problem.
 
     Raises:
-        InvalidArgumentError: for a problem without images, an unknown method or preset, or env
-            steps that leave none for the student.
+        InvalidArgumentError: for a problem without images, or env steps that leave none for the
+            student.
     """
     share = settings.teacher_env_steps
     if share % problem.num_envs or share >= problem.env_steps:
         valid = f"a multiple of {problem.num_envs} below {problem.env_steps}"
         raise InvalidArgumentError("teacher_env_steps", share, valid)
-    _, method = find_preset(
-        settings.teacher_method, settings.teacher_preset, problem.task, **settings.teacher_settings
-    )
+    _, method = find_preset("sac", "fast", problem.task, **settings.teacher_settings)
     check_random_steps(method.settings, share, problem.num_envs)
     own = dataclasses.replace(
         problem, observed=settings.privileged, observation=problem.shapes[settings.privileged],
