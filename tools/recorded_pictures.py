@@ -19,12 +19,13 @@ from PIL import Image, ImageDraw, ImageFont
 from scipy.interpolate import CubicSpline
 
 from softgym_mj.reality.cloth import experiment as cloth_experiment
-from softgym_mj.reality.cloth import identification as cloth_identification
 from softgym_mj.reality.cloth.recordings import read_recordings as read_cloths
 from softgym_mj.reality.cloth.scenario import grip_of
 from softgym_mj.reality.cloth.scenario import scenario_of as cloth_scenario
 from softgym_mj.reality.cloth.simulation import ClothSolver
-from softgym_mj.reality.rope.identification import Identified
+from softgym_mj.reality.cloth.simulation import Properties as ClothProperties
+from softgym_mj.reality.fitting import read_identified
+from softgym_mj.reality.rope.cable import Properties as CableProperties
 from softgym_mj.reality.rope.recordings import FRAME_TIME, HELD, read_recordings
 from softgym_mj.reality.rope.scenario import START_FRAMES, EndsInterpolated, scenario_of
 from softgym_mj.reality.rope.simulation import CableSolver
@@ -103,7 +104,7 @@ def rope(folder: pathlib.Path) -> None:
     entries = json.loads((DOCS / "rope_recordings.json").read_text())["identified"]
     columns, curves = [], {}
     for name, entry in entries.items():
-        found, own = Identified.from_json(entry), read_recordings(folder, name, "eval")
+        found, own = read_identified(CableProperties, entry), read_recordings(folder, name, "eval")
         solver = CableSolver("identified", np.array(found.spacing), found.properties)
         moved = [solver.predict(scenario_of(recording)) for recording in own]
         real = [recording.markers[START_FRAMES:] for recording in own]
@@ -140,7 +141,7 @@ def cloth(folder: pathlib.Path) -> None:
     """Draws the film of the cloth."""
     entry = json.loads((DOCS / "cloth_recordings.json").read_text())["identified"]
     first, test = cloth_experiment.split(read_cloths(folder))
-    grip, found = grip_of(first), cloth_identification.Identified.from_json(entry)
+    grip, found = grip_of(first), read_identified(ClothProperties, entry)
     solver = ClothSolver("identified", grip, found.properties)
     runs = []
     for recording in test:

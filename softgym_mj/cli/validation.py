@@ -106,7 +106,9 @@ def rope(
 
     Errors are mean absolute errors per coordinate, open loop.
     """
-    from softgym_mj.reality.rope import identification, simulation
+    from softgym_mj.reality.fitting import read_identified
+    from softgym_mj.reality.rope import simulation
+    from softgym_mj.reality.rope.cable import Properties
     from softgym_mj.reality.rope.experiment import measure
     from softgym_mj.reality.rope.recordings import CABLES, SOURCE, read_recordings
     from softgym_mj.reality.rope.scenario import EndsInterpolated, NothingMoves, Scenario
@@ -114,11 +116,7 @@ def rope(
 
     names = cable or CABLES
     entries = {} if identified is None else read_json(identified)
-    found = {
-        name: identification.Identified.from_json(entries[name])
-        for name in names
-        if name in entries
-    }
+    found = {name: read_identified(Properties, entries[name]) for name in names if name in entries}
     recordings = {name: read_recordings(folder, name, split) for name in names}
     titles = "all [mm]", "free [mm]", "worst", "real time", "models"
     typer.echo(_ROPE_LINE.format("cable", "solver", *titles))
@@ -163,14 +161,15 @@ def cloth(
 
     Errors are mean distances of tracked nodes in every fourth recording, open loop.
     """
-    from softgym_mj.reality.cloth import experiment, identification, simulation
+    from softgym_mj.reality.cloth import experiment, simulation
     from softgym_mj.reality.cloth.recordings import SOURCE, read_recordings
     from softgym_mj.reality.cloth.scenario import NothingMoves, RigidSheet, Scenario, grip_of
+    from softgym_mj.reality.fitting import read_identified
     from softgym_mj.reality.solver import Solver
 
     found = None
     if identified is not None:
-        found = identification.Identified.from_json(read_json(identified))
+        found = read_identified(simulation.Properties, read_json(identified))
     recordings = read_recordings(folder)
     first, test = experiment.split(recordings)
     grip = grip_of(first)

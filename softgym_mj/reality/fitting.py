@@ -3,12 +3,12 @@
 import dataclasses
 import functools
 from collections.abc import Callable, Mapping, Sequence
-from typing import TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from scipy.optimize import least_squares
 
-from softgym_mj.exceptions import check_count
+from softgym_mj.exceptions import StoreError, check_count
 
 FEWEST = 5  # Recordings: intervals need more of them than unknowns.
 LARGE = 0.02  # [m] Residuals beyond count by their size, not their square.
@@ -16,6 +16,7 @@ _TWO_SIDED = 1.96  # Standard deviations of 95 % of a normal distribution.
 
 Values = dict[str, float]
 Item = TypeVar("Item")
+Properties = TypeVar("Properties")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,6 +40,39 @@ class Fit:
 
     values: Values
     intervals: dict[str, tuple[float, float]]
+
+
+@dataclasses.dataclass(frozen=True)
+class Identified(Generic[Properties]):
+    """Result of an identification.
+
+    Attributes:
+        properties: Identified and assumed properties.
+        intervals: 95 % interval of each unknown, from the differences between recordings, within
+            the bounds of the search.
+        recordings: Number of recordings.
+        spacing: Measured lengths (n - 1,) [m] of a cable between n markers; () of a cloth.
+    """
+
+    properties: Properties
+    intervals: dict[str, tuple[float, float]]
+    recordings: int
+    spacing: tuple[float, ...] = ()
+
+
+def read_identified(kind: type[Properties], entry: Mapping[str, Any]) -> Identified[Properties]:
+    """Returns the result with properties of a class of which `dataclasses.asdict` made an entry.
+
+    Raises:
+        StoreError: If it did not.
+    """
+    try:
+        properties = kind(**entry["properties"])
+        intervals = {name: (float(a), float(b)) for name, (a, b) in entry["intervals"].items()}
+        spacing = tuple(map(float, entry.get("spacing", ())))
+        return Identified(properties, intervals, int(entry["recordings"]), spacing)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise StoreError(f"it is no result of an identification: {error!r}") from error
 
 
 def spread(recordings: Sequence[Item], number: int) -> list[Item]:

@@ -13,7 +13,7 @@ from softgym_mj.reality.cloth import identification
 from softgym_mj.reality.cloth.recordings import Recording
 from softgym_mj.reality.cloth.scenario import scenario_of
 from softgym_mj.reality.cloth.simulation import ASSUMED, ClothSolver, Properties
-from softgym_mj.reality.fitting import Unknown, fit
+from softgym_mj.reality.fitting import Unknown, fit, read_identified
 from tests.reality import cloths
 
 
@@ -94,8 +94,8 @@ def test_secret_properties_are_found_in_recordings_of_them(tmp_path):
 
 
 def test_bad_input_is_refused():
-    with pytest.raises(StoreError, match="no identified cloth"):
-        identification.Identified.from_json({"properties": {"bend": "soft"}})
+    with pytest.raises(StoreError, match="no result of an identification"):
+        read_identified(Properties, {"properties": {"bend": "soft"}})
     with pytest.raises(InvalidArgumentError, match="drag=-1"):
         dataclasses.replace(ASSUMED, drag=-1.0)
     with pytest.raises(InvalidArgumentError, match="recordings=4"):

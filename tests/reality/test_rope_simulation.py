@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from softgym_mj.cli import commands
-from softgym_mj.exceptions import InvalidArgumentError, StoreError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.reality.rope import identification
 from softgym_mj.reality.rope.cable import Properties, compiled
 from softgym_mj.reality.rope.experiment import measure
@@ -121,8 +121,3 @@ def test_secret_properties_are_found_in_recordings_of_them(tmp_path, monkeypatch
     measured = json.loads((tmp_path / "out.json").read_text())["measurements"]
     error = {row["solver"]: row["error"] for row in measured}
     assert 4 * error["rope, identified"] < error["rope, assumed"] < error["nothing moves"]
-
-
-def test_a_file_of_other_content_is_refused(tmp_path):
-    with pytest.raises(StoreError, match="not an identified cable"):
-        identification.Identified.from_json({"properties": {"bend": "soft"}})

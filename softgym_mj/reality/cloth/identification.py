@@ -5,16 +5,15 @@ assumed. Stretch is too small to be seen.
 """
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from softgym_mj.exceptions import StoreError, check_count
+from softgym_mj.exceptions import check_count
 from softgym_mj.reality.cloth.recordings import Recording
 from softgym_mj.reality.cloth.scenario import grip_of, scenario_of
 from softgym_mj.reality.cloth.simulation import ASSUMED, ClothSolver, Properties
-from softgym_mj.reality.fitting import FEWEST, Unknown, fit
+from softgym_mj.reality.fitting import FEWEST, Identified, Unknown, fit
 
 UNKNOWNS = {
     "bend": Unknown(1e-6, 1e-3, 0.1),
@@ -27,38 +26,9 @@ STARTS = (1.0, 0.3)  # The air's mass relative to the assumed one, of which the 
 EVALUATIONS = 6  # Steps of the search.
 
 
-@dataclasses.dataclass(frozen=True)
-class Identified:
-    """Result of an identification.
-
-    Attributes:
-        properties: Identified and assumed properties.
-        intervals: 95 % interval of each unknown, within the bounds of the search.
-        recordings: Number of recordings.
-    """
-
-    properties: Properties
-    intervals: dict[str, tuple[float, float]]
-    recordings: int
-
-    @classmethod
-    def from_json(cls, entry: Mapping[str, Any]) -> "Identified":
-        """Returns the result of which `dataclasses.asdict` made an entry.
-
-        Raises:
-            StoreError: If it did not.
-        """
-        try:
-            properties = Properties(**entry["properties"])
-            found = {name: (float(a), float(b)) for name, (a, b) in entry["intervals"].items()}
-            return cls(properties, found, int(entry["recordings"]))
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise StoreError(f"it is no identified cloth: {error!r}") from error
-
-
 def identify(
     recordings: Sequence[Recording], progress: Callable[[str], None] = lambda line: None
-) -> Identified:
+) -> Identified[Properties]:
     """Identifies the unknowns from recordings of one session.
 
     Args:

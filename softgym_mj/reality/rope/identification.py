@@ -5,13 +5,11 @@ too small to be seen.
 """
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from softgym_mj.exceptions import StoreError
-from softgym_mj.reality.fitting import Unknown, fit
+from softgym_mj.reality.fitting import Identified, Unknown, fit
 from softgym_mj.reality.rope.cable import Properties
 from softgym_mj.reality.rope.recordings import HELD, Recording
 from softgym_mj.reality.rope.scenario import START_FRAMES, scenario_of
@@ -28,42 +26,9 @@ EVALUATIONS = 8  # Steps of the search.
 EVERY = 5  # Frames between those that are compared.
 
 
-@dataclasses.dataclass(frozen=True)
-class Identified:
-    """Result of an identification.
-
-    Attributes:
-        properties: Identified and assumed properties.
-        intervals: 95 % interval of each unknown, from the differences between recordings, within
-            the bounds of the search.
-        spacing: Measured lengths (n - 1,) [m] of the cable between n markers.
-        recordings: Number of recordings.
-    """
-
-    properties: Properties
-    intervals: dict[str, tuple[float, float]]
-    spacing: tuple[float, ...]
-    recordings: int
-
-    @classmethod
-    def from_json(cls, entry: Mapping[str, Any]) -> "Identified":
-        """Returns the result of which `dataclasses.asdict` made an entry.
-
-        Raises:
-            StoreError: If it did not.
-        """
-        try:
-            properties = Properties(**entry["properties"])
-            found = {name: (float(a), float(b)) for name, (a, b) in entry["intervals"].items()}
-            spacing = tuple(map(float, entry["spacing"]))
-            return cls(properties, found, spacing, int(entry["recordings"]))
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise StoreError(f"it is not an identified cable: {error!r}") from error
-
-
 def identify(
     recordings: Sequence[Recording], progress: Callable[[str], None] = lambda line: None
-) -> Identified:
+) -> Identified[Properties]:
     """Identifies the unknowns from recordings of one cable.
 
     Args:
@@ -85,7 +50,7 @@ def identify(
     starts = [{**assumed, "bend": share * ASSUMED.bend} for share in STARTS]
     found = fit(UNKNOWNS, starts, residuals, EVALUATIONS)
     properties = dataclasses.replace(ASSUMED, **found.values)
-    return Identified(properties, found.intervals, tuple(spacing.tolist()), len(recordings))
+    return Identified(properties, found.intervals, len(recordings), tuple(spacing.tolist()))
 
 
 def _residuals(solver: CableSolver, recording: Recording) -> np.ndarray:
