@@ -124,9 +124,11 @@ class InitialStateCache:
         pickled = cloudpickle.dumps((self._make, type(self._physics), self._cameras.observed))
         # Scenes of images have textures, which are larger than the states.
         files = None if self._cameras.observed else start_files(pickled, type(self._env.task))
-        stored = [] if files is None else [v for v in missing if files.has(v)]
-        with ThreadPoolExecutor(num_cores()) as threads:  # Decompression releases the GIL.
-            found = dict(zip(stored, threads.map(files.get, stored), strict=True)) if stored else {}
+        found = {}
+        if files is not None:
+            stored = [v for v in missing if files.has(v)]
+            with ThreadPoolExecutor(num_cores()) as threads:  # Decompression releases the GIL.
+                found = dict(zip(stored, threads.map(files.get, stored), strict=True))
         new = [v for v in missing if v not in found]
         shares = [new[i : i + _SHARE] for i in range(0, len(new), _SHARE)]
         with make_executor(max(min(num_cores(), len(shares)), 1)) as executor:
