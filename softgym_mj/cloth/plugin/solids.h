@@ -4,13 +4,13 @@
 #define SOFTGYM_MJ_CLOTH_SOLIDS_H_
 
 #include <cstdint>
-#include <string>
 #include <vector>
 
 #include <mujoco/mujoco.h>
 
 #include "cloth/plugin/bodies.h"
 #include "cloth/plugin/coloring.h"
+#include "cloth/plugin/geoms.h"
 #include "cloth/plugin/impact_zones.h"
 #include "cloth/plugin/kernels.h"
 #include "cloth/plugin/mesh.h"
@@ -29,18 +29,8 @@ struct Contact {
   double pressure;   // Its normal component [N].
 };
 
-// Whether a geom and a flex may touch, by MuJoCo's rules.
-bool MayTouch(const mjModel* m, int geom, const Mesh& mesh, int part);
-double Friction(const mjModel* m, int geom, int flex);
 // Largest impulse of a kinematic body on a point in a substep of h [s] [kg m].
 float MostPush(double h);
-// Shape of a geom of a type of MuJoCo; a plane for unsupported types.
-Shape ShapeOf(int type);
-// Size of a geom of mjModel [m].
-void CopySize(const mjModel* m, int geom, float size[3]);
-// Returns "" or an error about a geom that may touch.
-std::string CheckGeoms(const mjModel* m, const Mesh& mesh);
-
 class Solids {
  public:
   // Finds features that may touch in a step with substeps of h [s]. `sides`: result of `KeepSides`.
