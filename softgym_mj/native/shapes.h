@@ -8,7 +8,8 @@
 
 namespace softgym_mj {
 
-enum class Shape { kPlane, kSphere, kCapsule, kEllipsoid, kCylinder, kBox };
+// `Distance` computes all but meshes and heightfields, whose distances need a grid.
+enum class Shape { kPlane, kSphere, kCapsule, kEllipsoid, kCylinder, kBox, kMesh, kHeights };
 
 namespace {
 

@@ -304,13 +304,12 @@ radius=".01" spacing=".03 .03 .03" dof="{dof}"><edge damping="1e-12"/>
         (model_xml(FLAT).replace('<plugin plugin="softgym_mj.cloth" instance="a"/>', ""),
          "no flex carries it"),
         (model_xml(FLAT, option='integrator="RK4"'), "RK4 is not supported"),
-        (model_xml(FLAT, scenery=MESH.format(""), extra=ROCK), 'geom "rock" cannot touch a flex'),
         (CUBE, 'flex "a" cannot be handled: .*dimension 1 or 2'),
         *((RAILS.format(dof=dof), 'flex "a" cannot be handled: vertex . slides .*dof="full"')
           for dof in ("2d", "radial")),
     ],
-    ids=["contype", "conaffinity", "selfcollide", "equality", "no flex", "RK4", "mesh", "dim 3",
-         "2d", "radial"],
+    ids=["contype", "conaffinity", "selfcollide", "equality", "no flex", "RK4", "dim 3", "2d",
+         "radial"],
 )  # fmt: skip
 def test_an_unsuitable_model_is_a_compile_error_that_says_why(xml, expected):
     with pytest.raises(ValueError, match=expected):

@@ -132,7 +132,7 @@ class Maker:
         kind = f'type="{shape}" size="{size}"'
         if self.chance(0.02):
             kind = self.one_of(('type="mesh" mesh="mesh"', 'type="hfield" hfield="field"'))
-        ghost = ' contype="0" conaffinity="0"' if self.chance(0.3) or "mesh=" in kind else ""
+        ghost = ' contype="0" conaffinity="0"' if self.chance(0.3) else ""
         return (
             f'<geom {kind} pos="{self.numbers(3)}" euler="{self.numbers(3, 90)}" mass=".1"{ghost}/>'
         )

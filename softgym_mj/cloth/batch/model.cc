@@ -91,11 +91,13 @@ std::string FillSolids(const mjModel* m, const Mesh& mesh, const std::vector<int
       continue;
     }
     const int own = m->geom_bodyid[g];
-    if (grips && (m->geom_type[g] != mjGEOM_SPHERE || !MayTouch(m, g, mesh, 0))) return "expected spheres as grippers.";
+    if (grips && (m->geom_type[g] != mjGEOM_SPHERE || !MayTouch(m, g, mesh.materials[0])))
+      return "expected spheres as grippers.";
     Solid solid = {
-        ShapeOf(m->geom_type[g]), {}, static_cast<float>(Friction(m, g, mesh.flexes[0])), g, 0, m->body_treeid[own] < 0,
-        m->geom_rbound[g],        {}};
-    if (solid.shape == Shape::kPlane) return "expected spheres, capsules, ellipsoids, cylinders or boxes as solids.";
+        ShapeOf(m, g),     {}, static_cast<float>(Friction(m, g, mesh.flexes[0])), g, 0, m->body_treeid[own] < 0,
+        m->geom_rbound[g], {}};
+    if (solid.shape == Shape::kPlane || solid.shape >= Shape::kMesh)
+      return "expected spheres, capsules, ellipsoids, cylinders or boxes as solids.";
     if (i > 0 && grips == (static_cast<int>(i) - 1 < grippers) && g <= geoms[i - 1]) {
       return "expected grippers and solids in the order of their ids.";
     }

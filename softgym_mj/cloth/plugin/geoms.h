@@ -3,24 +3,35 @@
 #ifndef SOFTGYM_MJ_CLOTH_GEOMS_H_
 #define SOFTGYM_MJ_CLOTH_GEOMS_H_
 
+#include <memory>
 #include <string>
+#include <vector>
 
 #include <mujoco/mujoco.h>
 
 #include "cloth/plugin/kernels.h"
 #include "cloth/plugin/mesh.h"
+#include "cloth/plugin/mesh_grids.h"
 
 namespace softgym_mj::cloth {
 
-// Whether a geom and a flex may touch, by MuJoCo's rules.
-bool MayTouch(const mjModel* m, int geom, const Mesh& mesh, int part);
+// Grid of each geom of the model; null unless it is a mesh that may touch a flex.
+using MeshGrids = std::vector<std::shared_ptr<const MeshGrid>>;
+
+// Whether a geom and flexes of one material, or of any of several, may touch.
+bool MayTouch(const mjModel* m, int geom, const Material& material);
+bool MayTouchAny(const mjModel* m, int geom, const std::vector<Material>& materials);
 double Friction(const mjModel* m, int geom, int flex);
-// Shape of a geom of a type of MuJoCo; a plane for unsupported types.
-Shape ShapeOf(int type);
+// Shape of a geom; a plane for unsupported types.
+Shape ShapeOf(const mjModel* m, int geom);
 // Size of a geom of mjModel [m].
 void CopySize(const mjModel* m, int geom, float size[3]);
-// Returns "" or an error about a geom that may touch.
-std::string CheckGeoms(const mjModel* m, const Mesh& mesh);
+// Heights of a heightfield's geom.
+Grid HeightsOf(const mjModel* m, int geom);
+// Appends the meshes that may touch flexes.
+void WriteMeshes(const mjModel* m, const std::vector<Material>& materials, std::string* out);
+// Finds the grids of meshes. Returns "" or an error about a geom that may touch.
+std::string FindGrids(const mjModel* m, const std::vector<Material>& materials, MeshGrids* grids);
 
 }  // namespace softgym_mj::cloth
 

@@ -117,10 +117,20 @@ struct alignas(32) SolidBlock {
   int active;              // Whether it may touch before the next search.
 };
 
+// Signed distances to a mesh with their gradients at nodes (count[2], count[1], count[0], 4), or heights of a
+// heightfield (count[1], count[0]).
+struct Grid {
+  int count[3];
+  float low[3];   // First node; of a heightfield its least x, y and z [m].
+  float step[3];  // Distances of nodes; of a heightfield along z meters per unit of height [m].
+  const float* nodes;
+};
+
 struct Geom {
   Shape shape;
   float size[3];
   float pose[12];  // Current position [m] and row-major rotation.
+  Grid grid;       // Of meshes and heightfields.
 };
 
 // Bounding boxes: leaves of eight items, nodes of eight leaves. Unused lanes hold boxes that overlap nothing.

@@ -193,7 +193,7 @@ void FindPlanes(const mjModel* m, const mjData* d, Workspace* w) {
     }
     bool touches = false;
     for (size_t p = 0; p < w->mesh.flexes.size(); ++p) {
-      plane.touches.push_back(MayTouch(m, g, w->mesh, static_cast<int>(p)));
+      plane.touches.push_back(MayTouch(m, g, w->mesh.materials[p]));
       plane.friction.push_back(static_cast<float>(Friction(m, g, w->mesh.flexes[p])));
       touches |= plane.touches.back();
     }

@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "cloth/plugin/grids.h"
 #include "cloth/plugin/kernels.h"
 #include "native/shapes.h"
 
@@ -34,6 +35,7 @@ inline bool ComesNear(const float* position, const int* vertex, int corners, con
   if (away > (bound + reach) * (bound + reach)) return false;
   Vec3<float> normal;
   const Vec3<float> local = ToLocal(solid.pose, Vec3<float>{middle[0], middle[1], middle[2]});
+  if (HasGrid(solid)) return GridComesNear(solid, local, reach);
   return Distance<float>(solid.shape, solid.size, local, &normal) < reach;
 }
 

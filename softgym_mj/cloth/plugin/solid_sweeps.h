@@ -3,6 +3,7 @@
 #ifndef SOFTGYM_MJ_CLOTH_SOLID_SWEEPS_H_
 #define SOFTGYM_MJ_CLOTH_SOLID_SWEEPS_H_
 
+#include "cloth/plugin/grids.h"
 #include "cloth/plugin/kernels.h"
 #include "cloth/plugin/method.h"
 #include "cloth/plugin/search.h"
@@ -32,7 +33,7 @@ inline Lanes FaceOf(const float* half, const Lanes3& p) {
 // Signed distance and outward normal in the frame of the shape. A point inside a box uses its entry face until it is
 // outside again: the nearest face would push it through thin boxes.
 inline Lanes SidedDistance(const Geom& geom, const Lanes3& p, float* side, Lanes3* normal) {
-  Lanes distance = Distance<Lanes>(geom.shape, geom.size, p, normal);
+  Lanes distance = GeomDistance(geom, p, normal);
   const Lanes zero(0.0f), old = Lanes::Load(side);
   const Mask sided = LessEqual(Lanes(-1.0f), old);
   if (geom.shape != Shape::kBox || !Bits(sided)) return distance;
@@ -59,13 +60,14 @@ inline void Approach(const Geom& geom, const Lanes3 corner[3], Lanes weight[3]) 
     const Lanes3 center = {Lanes(0.0f), Lanes(0.0f), Lanes(0.0f)};
     return ClosestOnTriangle(center, corner[0], corner[1], corner[2], weight);
   }
+  const Lanes tie(HasGrid(geom) ? kTie : 0.0f);
   for (int k = 0; k < 3; ++k) weight[k] = Lanes(1.0f / 3);
   for (int i = 0; i < kFrankWolfe; ++i) {
     Lanes3 point = weight[0] * corner[0], normal;
     point = AddScaled(AddScaled(point, weight[1], corner[1]), weight[2], corner[2]);
-    Distance<Lanes>(geom.shape, geom.size, point, &normal);
+    GeomDistance(geom, point, &normal);
     const Lanes a = Inner(normal, corner[0]), b = Inner(normal, corner[1]), c = Inner(normal, corner[2]);
-    const Mask first = LessEqual(a, b) & LessEqual(a, c), second = LessEqual(b, c);
+    const Mask first = LessEqual(a, b + tie) & LessEqual(a, c + tie), second = LessEqual(b, c + tie);
     const Lanes step(2.0f / (i + 3)), zero(0.0f), one(1.0f);
     const Lanes to_a = Select(first, one, zero), to_b = Select(first, zero, Select(second, one, zero));
     weight[0] = MultiplyAdd(step, to_a - weight[0], weight[0]);

@@ -69,9 +69,7 @@ void Solids::Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cl
   complete_ = true;
   for (int g = 0; g < m->ngeom; ++g) {
     if (m->geom_type[g] == mjGEOM_PLANE) continue;
-    bool touches = false;
-    for (size_t p = 0; p < mesh.flexes.size(); ++p) touches |= MayTouch(m, g, mesh, static_cast<int>(p));
-    if (!touches) continue;
+    if (!MayTouchAny(m, g, mesh.materials)) continue;
     double margin = radius + kSolidMargin;
     const double* center = d->geom_xpos + 3 * g;
     // Bodies are checked only if their geoms may be near.
@@ -96,7 +94,9 @@ void Solids::Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cl
     active.geom = g;
     active.body = body ? static_cast<int>(body - bodies_.all().data()) : -1;
     active.small = body && body->gives_way && m->geom_rbound[g] < kSmall;
-    active.view.shape = ShapeOf(m->geom_type[g]);
+    active.view.shape = ShapeOf(m, g);
+    if (active.view.shape == Shape::kMesh) active.view.grid = grids_[g]->grid;
+    if (active.view.shape == Shape::kHeights) active.view.grid = HeightsOf(m, g);
     CopySize(m, g, active.view.size);
     for (int k = 0; k < 3; ++k) active.offset[k] = center[k] - (body ? body->center[k] : 0);
     mju_copy(active.matrix, d->geom_xmat + 9 * g, 9);
@@ -139,7 +139,7 @@ void Solids::AddRows(const Mesh& mesh, Active* active, double margin) {
     return ComesNear(position_.data(), vertex, corners, view, bound, static_cast<float>(margin));
   };
   std::vector<bool> touches(mesh.flexes.size());
-  for (size_t p = 0; p < mesh.flexes.size(); ++p) touches[p] = MayTouch(m_, active->geom, mesh, static_cast<int>(p));
+  for (size_t p = 0; p < mesh.flexes.size(); ++p) touches[p] = MayTouch(m_, active->geom, mesh.materials[p]);
   const double elements = static_cast<double>(dummy + mesh.triangles.size() + mesh.edges.size());
   const auto key = [&](size_t element, int i, int j) {
     return ((active->geom * elements + element) * kMostPoints + i) * kMostPoints + j;

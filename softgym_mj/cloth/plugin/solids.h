@@ -1,9 +1,11 @@
-// Contact of flexes with geoms: fixed or moving spheres, capsules, cylinders, ellipsoids and boxes.
+// Contact of flexes with geoms: fixed or moving spheres, capsules, cylinders, ellipsoids, boxes and meshes, and
+// heightfields.
 
 #ifndef SOFTGYM_MJ_CLOTH_SOLIDS_H_
 #define SOFTGYM_MJ_CLOTH_SOLIDS_H_
 
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include <mujoco/mujoco.h>
@@ -33,6 +35,10 @@ struct Contact {
 float MostPush(double h);
 class Solids {
  public:
+  // Sets up geoms that may touch flexes. Returns "" or an error.
+  std::string Reset(const mjModel* m, const std::vector<Material>& materials) {
+    return FindGrids(m, materials, &grids_);
+  }
   // Finds features that may touch in a step with substeps of h [s]. `sides`: result of `KeepSides`.
   void Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cloth::Start& start, const mjtNum* qvel,
              const mjtNum* sides, double h);
@@ -87,6 +93,7 @@ class Solids {
                   Aligned<SolidBlock>* blocks);
 
   const mjModel* m_ = nullptr;
+  MeshGrids grids_;
   const mjtNum* sides_ = nullptr;
   std::vector<Active> actives_;
   Bodies bodies_;

@@ -198,6 +198,7 @@ std::string Open(const mjModel* m, int instance, Workspace* w) {
   w->scratch.append(reinterpret_cast<const char*>(materials.data()), materials.size() * sizeof(Material));
   w->scratch.append(reinterpret_cast<const char*>(&settings), sizeof(settings));
   w->scratch.append(reinterpret_cast<const char*>(&m->opt.timestep), sizeof(mjtNum));
+  WriteMeshes(m, materials, &w->scratch);
   if (w->scratch == w->signature) return "";
   w->signature.clear();  // Invalid until the workspace is complete.
   for (int f : w->flexes) {
@@ -209,7 +210,7 @@ std::string Open(const mjModel* m, int instance, Workspace* w) {
   if (!branched.empty()) return branched;
   w->solver.Reset(w->mesh, settings, m->opt.timestep);
   w->settings = settings;
-  const std::string wrong = CheckGeoms(m, w->mesh);
+  const std::string wrong = w->solids.Reset(m, materials);
   if (!wrong.empty()) return wrong;
   w->vertices.clear();
   for (int f : w->flexes) {
