@@ -30,7 +30,7 @@ _TURNS = tuple(
 _ZOOM = shifted(
     "camera_fov", "deg", 1.5, 6.0, "change of the task's camera's field of view", "visual"
 )
-SOLIDS = ("box", "sphere", "capsule", "cylinder", "ellipsoid")
+SOLIDS = ("box", "sphere", "capsule", "cylinder", "ellipsoid", "mesh", "hfield")
 # [s] Contact time constant. With MuJoCo's 0.02 s a rope that hangs over a rod of 4 mm sinks through
 # it, since two light vertices bear its weight. MuJoCo raises it to at least twice the physics step.
 _SOLID_TIME = 0.01
@@ -106,12 +106,13 @@ class Arena(composer.Arena, Parametric):
         """Adds a static rigid shape: a rod, a shelf, a table, a wall.
 
         It collides with cloth, rope, rigid bodies, water and the hands of arms, but not with
-        pickers; controllers of arms do not avoid it.
+        pickers; controllers of arms do not avoid it. Water does not collide with meshes and
+        heightfields, rigid bodies collide with the convex hull of a mesh.
 
         Args:
-            type: "box", "sphere", "capsule", "cylinder" or "ellipsoid".
+            type: "box", "sphere", "capsule", "cylinder", "ellipsoid", "mesh" or "hfield".
             **attributes: attributes of MJCF's `geom`: size [m], pos or fromto [m], quat, rgba,
-                friction, ...
+                friction, ..., and the mesh or hfield, an asset of `mjcf_model.asset`.
 
         Returns:
             The geom.

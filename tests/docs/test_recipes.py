@@ -298,6 +298,11 @@ def test_minari_in_torchrl(run):
         np.testing.assert_array_equal(part["next", "done"][:, 0], np.arange(HORIZON) == HORIZON - 1)
 
 
+def test_a_cloth_on_a_mesh(run):
+    recipe = run("Custom scenes: a cloth on a mesh")
+    assert recipe.cloth.points()[:, 2].max() == pytest.approx(0.06 + recipe.cloth.radius, abs=0.01)
+
+
 def test_lerobot(run, tmp_path, monkeypatch):
     reason = "needs LeRobot, whose PyTorch is older than that of the tests"
     constants = pytest.importorskip("lerobot.utils.constants", reason=reason)
