@@ -163,13 +163,15 @@ inline void PushSolid(const Points& points, const SolidBlock& block, const Lanes
                          NegativeMultiplyAdd(arm.y, change.x, arm.x * change.y)};
   const double wrench[6] = {-Sum(change.x), -Sum(change.y), -Sum(change.z),
                             -Sum(moment.x), -Sum(moment.y), -Sum(moment.z)};
-  OneLane([&] {
-    for (int i = 0; i < 6; ++i) {
-      body->impulse[i] += wrench[i];
-      double sum = 0;
-      for (int j = 0; j < 6; ++j) sum += body->compliance[i][j] * wrench[j];
-      body->move[i] += sum;
+  EachLane([&](int i) {
+    if (i >= 6) return;
+    double own = 0, sum = 0;
+    for (int j = 0; j < 6; ++j) {
+      own = j == i ? wrench[j] : own;
+      sum += body->compliance[i][j] * wrench[j];
     }
+    body->impulse[i] += own;
+    body->move[i] += sum;
   });
   WaitLanes();
 }
