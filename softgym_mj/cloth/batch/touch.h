@@ -130,7 +130,7 @@ inline void StartTouch(const Environment& w, int t) {
       touch->geom.pose[k] = static_cast<float>(place);
     }
     for (int k = 0; k < 9; ++k) touch->geom.pose[3 + k] = static_cast<float>(touch->matrix[k]);
-    touch->points.count = touch->triangles.count = 0;
+    touch->points.count = touch->triangles.count = touch->num_active = 0;
   });
   double velocity[6];
   for (int k = 0; k < 6; ++k) {
@@ -177,6 +177,18 @@ SGM_APART void StartTouches(const Environment& w) {
   for (int t = 0; t < w.model->grippers + Solids(*w.model); ++t) StartTouch(w, t);
 }
 
+// Lists the active blocks of a body that gives way.
+inline void ListActive(Touch* touch) {
+  touch->num_active = 0;
+  const auto list = [&](SolidBlock* blocks, int count) {
+    for (int b = 0; b < count; ++b) {
+      if (blocks[b].active) touch->active[touch->num_active++] = blocks + b;
+    }
+  };
+  list(touch->point_blocks, touch->points.blocks);
+  list(touch->triangle_blocks, touch->triangles.blocks);
+}
+
 // Updates rows.
 SGM_APART void FindTouches(const Environment& w, int substeps) {
   const Model& m = *w.model;
@@ -200,27 +212,38 @@ SGM_APART void FindTouches(const Environment& w, int substeps) {
       FindSolid(w.points, w.solid_position, geom, rigid, touch.triangle_blocks + b, true, left);
     });
   }
+  Each(TouchesBodies(w) && substeps > 0 ? touches : 0, [&](int t) {
+    const Rigid* rigid = RigidOf(w, solids[t]);
+    if (rigid && rigid->gives_way) ListActive(&w.touch[t]);
+  });
 }
 
-// Calls f(block, row, body) for all blocks, in the order of geoms. Those of a body that gives way follow each other,
-// because they act on each other through it.
+// Calls f(block, row, body) for all blocks, in the order of geoms. Those of bodies that give way follow each other,
+// because they act on each other through their body: one lane group calls f for the active ones.
 template <class F>
 inline void EachTouch(const Environment& w, F f) {
   const Model& m = *w.model;
-  for (int i = 0; i < m.grippers + Solids(m); ++i) {
-    const int t = kSolids ? m.At<int>(m.order_at)[i] : i;
-    const Touch& touch = w.touch[t];
-    Rigid* rigid = RigidOf(w, m.At<Solid>(m.solids_at)[t]);
-    if (kSolids && rigid && rigid->gives_way) {
+  const int touches = m.grippers + Solids(m);
+  const auto at = [&](int i) { return kSolids ? m.At<int>(m.order_at)[i] : i; };
+  const auto rigid_at = [&](int i) { return RigidOf(w, m.At<Solid>(m.solids_at)[at(i)]); };
+  const auto gives_way = [&](int i) { return kSolids && rigid_at(i) && rigid_at(i)->gives_way; };
+  for (int i = 0, end; i < touches; i = end) {
+    for (end = i; end < touches && gives_way(end);) ++end;
+    if (end > i) {
       EachBlock(0, 1, [&](int) {
-        for (int b = 0; b < touch.points.blocks; ++b) f(touch.point_blocks + b, m.contact, rigid);
-        for (int b = 0; b < touch.triangles.blocks; ++b) f(touch.triangle_blocks + b, m.contact, rigid);
+        for (int k = i; k < end; ++k) {
+          const Touch& touch = w.touch[at(k)];
+          for (int b = 0; b < touch.num_active; ++b) f(touch.active[b], m.contact, rigid_at(k));
+        }
       });
-    } else {
-      const ContactRow& row = rigid ? m.solid_row : m.contact;
-      EachColor(touch.points, [&](int b) { f(touch.point_blocks + b, row, rigid); });
-      EachColor(touch.triangles, [&](int b) { f(touch.triangle_blocks + b, row, rigid); });
+      continue;
     }
+    const Touch& touch = w.touch[at(i)];
+    Rigid* rigid = rigid_at(i);
+    const ContactRow& row = rigid ? m.solid_row : m.contact;
+    EachColor(touch.points, [&](int b) { f(touch.point_blocks + b, row, rigid); });
+    EachColor(touch.triangles, [&](int b) { f(touch.triangle_blocks + b, row, rigid); });
+    ++end;
   }
   ShareImpulses(w);
 }
