@@ -1,4 +1,4 @@
-"""Arrays of NumPy and PyTorch as arrays of JAX and back, without copies by the host."""
+"""Arrays of NumPy and PyTorch as arrays of JAX and back, without copies through the host."""
 
 import os
 from collections.abc import Mapping
@@ -28,10 +28,13 @@ def device_like(array: Any) -> jax.Device:
 
 
 def to_jax(array: Any, device: jax.Device) -> jax.Array:
-    """Returns an array of JAX, which may share memory with `array` on the same device."""
+    """Returns an array of JAX with the values of `array`, of a tensor in memory of its own.
+
+    JAX records its programs as CUDA graphs, which cannot be updated from its memory to PyTorch's.
+    """
     if isinstance(array, np.ndarray):
         return jax.device_put(array, device)
-    return jax.dlpack.from_dlpack(array)
+    return jax.numpy.copy(jax.dlpack.from_dlpack(array))
 
 
 def shared(arrays: Any, device: jax.Device) -> Any:
