@@ -23,6 +23,7 @@ from softgym_mj.tasks import Task
 from softgym_mj.tasks.shared.observations import STATES
 from tools import interface_page
 from tools.sheet_entries import (
+    action_table,
     actors_of,
     entry_table,
     full_entries,
@@ -35,6 +36,7 @@ FOLDER = pathlib.Path(__file__).parent.parent / "docs" / "tasks"
 EXPERTS = FOLDER.parent / "experts.json"
 VARIATION = 800
 
+SCALED = "Entries are in [-1, 1] and scaled to their range. Arms have the same by default:\n"
 _LABELS = ("Goal", "Actions", "Observations", "Reward", "Bounds", "Horizon", "Start")
 # What the docstrings repeat of the sheet's tables, and references that other pages have.
 _ELSEWHERE = (
@@ -42,6 +44,7 @@ _ELSEWHERE = (
     r"`OBSERVATIONS`\s+of\s+`tasks\.shared\.observations`\s+lists\s+the\s+others\.",
     r"\d+ env steps of \d+ sim steps; nothing else\s+ends an episode\.",
     r"`(?:reduced|full)`[\s\S]*?\.(?=\s+[A-Z`]|\s*$)",
+    r"^:?\s*dx\b[\s\S]*?\.(?=\s+[A-Z])",
 )
 
 
@@ -162,6 +165,8 @@ def sheet(name: str) -> str:
         "## Start\n",
         text["Start"],
         "## Actions\n",
+        SCALED,
+        action_table(task.actor.actions.entries),
         "" if isinstance(task.actor, Gripper) else text["Actions"],
         actors(tasks, record.horizon),
         text["Horizon"],

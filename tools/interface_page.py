@@ -9,7 +9,15 @@ from softgym_mj.rendering.observables import WRIST_RGB
 from softgym_mj.robots.gripper import HELD
 from softgym_mj.tasks import Task
 from softgym_mj.tasks.shared.observations import GOAL_RGB, OBSERVATIONS
-from tools.sheet_entries import COMMON, INFO, actors_of, entry_table, merged, own_keys, table
+from tools.sheet_entries import (
+    COMMON,
+    INFO,
+    action_table,
+    actors_of,
+    entry_table,
+    own_keys,
+    table,
+)
 
 FILE = pathlib.Path(__file__).parent.parent / "docs" / "interface.md"
 INTRODUCTION = """# What the tasks share
@@ -21,8 +29,9 @@ train, 800 to 999 evaluate. An episode ends after its horizon, and [before only 
 diverges](arguments.md#how-episodes-end). Sides of a cloth are counted in SoftGym's particles, rho =
 0.00625 m apart: dimx columns along X, dimy rows.
 """
-ACTIONS = """All entries range from -1 to 1. A gripper is a picker or the hand of an arm. Arms have
-these actions with `action="position"`; `"pose"` and `"joints"` have [others](robots.md#actions).
+ACTIONS = """All entries are in [-1, 1] and scaled to their range. A gripper is a picker or the hand
+of an arm. The [data sheets](tasks/fold_cloth.md#actions) list the actions of pickers and cups. Arms
+have the same with `action="position"` and [others](robots.md#actions) with `"pose"` and `"joints"`.
 """
 STATES = "States are float64 in dm_env and float32 in Gymnasium.\n"
 PROPRIOCEPTION = "These entries end `reduced` and `full`, except with a cup.\n"
@@ -52,21 +61,21 @@ def named(tasks: set[str]) -> str:
 
 
 def actor_tables(part: str) -> Iterator[str]:
-    """Tables of "actions", "proprioception" or "markov": one for all actors of the same entries."""
+    """Tables of "actions", "proprioception" or "markov": one for all actors of the same entries.
+
+    Actions of a task's usual actor are on its data sheet.
+    """
     groups: dict[tuple, dict[str, set[str]]] = {}
     for name, record in TASKS.items():
-        for actor, task in actors_of(record).items():
-            own = groups.setdefault(_entries(part, task), {})
-            own.setdefault(f"`{actor}`", set()).add(name)
+        actors = {actor: _entries(part, task) for actor, task in actors_of(record).items()}
+        usual = next(iter(actors.values())) if part == "actions" else None
+        for actor, entries in actors.items():
+            if entries != usual:
+                groups.setdefault(entries, {}).setdefault(f"`{actor}`", set()).add(name)
     for entries, actors in groups.items():
         tasks = set().union(*actors.values())
         yield f"{', '.join(actors)} ({named(tasks)}):\n"
-        if part == "actions":
-            rows = merged({"\t".join(entry): 1 for entry in entries})
-            cells = ((indices, *label.split("\t")) for indices, label in rows)
-            yield table(("entry", "what", "unit", "scale"), cells)
-        else:
-            yield entry_table(dict(entries))
+        yield action_table(entries) if part == "actions" else entry_table(dict(entries))
 
 
 def _entries(part: str, task: Task) -> tuple:

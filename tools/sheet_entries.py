@@ -136,9 +136,16 @@ def merged(entries: Mapping[str, int]) -> Iterator[tuple[str, str]]:
         yield ", ".join(indices), label
 
 
+def action_table(entries: Iterable[tuple[str, str, str]]) -> str:
+    """Table of the entries of an action: name, unit and range of each."""
+    rows = merged({"\t".join(entry): 1 for entry in entries})
+    cells = ((indices, *label.split("\t")) for indices, label in rows)
+    return table(("index", "meaning", "unit", "range"), cells)
+
+
 def entry_table(entries: Mapping[str, int]) -> str:
     """Table of the entries of a state; `entries` maps "name [unit]" to sizes."""
     cells = (
         (indices, *label.rstrip("]").partition(" [")[::2]) for indices, label in merged(entries)
     )
-    return table(("entries", "what", "unit"), cells)
+    return table(("index", "meaning", "unit"), cells)

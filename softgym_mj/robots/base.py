@@ -23,7 +23,7 @@ class ActionSpace(NamedTuple):
     """Entries of an action, each from -1 to 1.
 
     Attributes:
-        entries: name, unit ("" for none) and meaning of the range, of each.
+        entries: name, unit ("" for none) and range of each; [-1, 1] is scaled to the range.
         layout: the same in a few words, for messages.
         switches: indices of entries of which only the sign matters: they switch something on or off
             and move nothing.

@@ -140,7 +140,7 @@ class CupMover(Actor):
     @functools.cached_property
     def actions(self) -> ActionSpace:
         entries = tuple(
-            (NAMES[i], UNITS[i], f"±1 is {self.max_step[i]:g} {UNITS[i]} in a sim step")
+            (NAMES[i], UNITS[i], f"-{self.max_step[i]:g} to {self.max_step[i]:g} per sim step")
             for i in self._moving
         )
         return ActionSpace(entries, ", ".join(name for name, _, _ in entries))

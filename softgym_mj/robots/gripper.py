@@ -23,7 +23,8 @@ CLEARANCE = 0.06
 
 
 DISPLACEMENTS = tuple(
-    (f"d{axis}", "m", f"±1 is {MAX_DISPLACEMENT:g} m in a sim step") for axis in "xyz"
+    (f"d{axis}", "m", f"-{MAX_DISPLACEMENT:g} to {MAX_DISPLACEMENT:g} per sim step")
+    for axis in "xyz"
 )
 
 
@@ -32,12 +33,12 @@ def gripper_actions(number: int, moves: Sequence[tuple[str, str, str]]) -> Actio
 
     Args:
         number: number of grippers.
-        moves: name, unit and meaning of the range, of each move.
+        moves: name, unit and range of each move.
     """
     entries = [
         (f"gripper {i}, {name}", unit, ends)
         for i in range(number)
-        for name, unit, ends in (*moves, ("grip", "", "above 0 closes, else opens"))
+        for name, unit, ends in (*moves, ("grip", "", "above 0 closes, otherwise opens"))
     ]
     size = len(moves) + 1
     switches = tuple(range(size - 1, size * number, size))

@@ -168,7 +168,7 @@ class PickAndPlace(RoutePicker):
 
     @functools.cached_property
     def actions(self) -> ActionSpace:
-        ends = "-1 and 1 are the ends of the workspace"
+        ends = "the workspace, low to high"
         return gripper_actions(self.num_grippers, [(f"target {axis}", "m", ends) for axis in "xyz"])
 
     def command(self, action: np.ndarray) -> None:
@@ -190,11 +190,12 @@ class PixelPickAndPlace(RoutePicker):
     name = "pixel_pick_and_place"
     actions = ActionSpace(
         (
-            ("pixel right", "", "-1 is the left edge of the image, 1 the right one"),
-            ("pixel down", "", "-1 is the upper edge of the image, 1 the lower one"),
-            ("dX of the place from the pick point", "m", f"±1 is {LARGEST_OFFSET:g} m"),
-            ("dY of the place from the pick point", "m", f"±1 is {LARGEST_OFFSET:g} m"),
-            ("dZ of the place from the pick point", "m", f"-1 is 0, 1 is {LARGEST_OFFSET:g} m"),
+            ("pixel right", "", "left to right edge of the image"),
+            ("pixel down", "", "upper to lower edge of the image"),
+            *(
+                (f"d{axis} of the place from the pick point", "m", f"{low:g} to {LARGEST_OFFSET:g}")
+                for axis, low in (("X", -LARGEST_OFFSET), ("Y", -LARGEST_OFFSET), ("Z", 0.0))
+            ),
         ),
         "pixel right, pixel down, dX, dY, dZ",
     )

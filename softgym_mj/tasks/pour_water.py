@@ -12,9 +12,9 @@ class PourWater(PouringTask):
     """Pour the water of one cup into another.
 
     Goal: all water in the target cup.
-    Actions: dx, dz (1 is 0.01 m per sim step) and dtheta about the middle of the cup's floor (1 is
-    0.015 rad), each in [-1, 1]. A move into the ground or the target is rejected as a whole;
-    `rejected_moves` in info counts them over the sim steps of an env step.
+    Actions: dx, dz (1 is 0.01 m per sim step) and dtheta (1 is 0.015 rad), each in [-1, 1]. The cup
+    rotates about the middle of its floor. A move into the ground or the target is rejected as a
+    whole; `rejected_moves` in info counts them over the sim steps of an env step.
     Observations: `reduced` (default), 13 entries: cup x, z [m], theta [rad]; its inner length,
     width, height; target x and its height, inner length, width; height of the highest particle [m];
     fractions in the target's box and in the cup's. SoftGym's target entry moves with the cup; ours

@@ -75,9 +75,9 @@ class PourWaterAmount(PouringTask):
 
     Goal: a share t of the water in the target cup, uniform in 0.1 to 1. A red bar on the target's
     inner wall marks about the height of that water; images show it with `goal_marks=True` only.
-    Actions: dx, dz (1 is 0.01 m per sim step) and dtheta about the middle of the cup's floor (1 is
-    0.015 rad), each in [-1, 1]. A move into the ground or the target is rejected as a whole;
-    `rejected_moves` in info counts them over the sim steps of an env step.
+    Actions: dx, dz (1 is 0.01 m per sim step) and dtheta (1 is 0.015 rad), each in [-1, 1]. The cup
+    rotates about the middle of its floor. A move into the ground or the target is rejected as a
+    whole; `rejected_moves` in info counts them over the sim steps of an env step.
     Observations: `reduced` (default), 15 entries: cup x, z [m], theta [rad]; its inner length,
     width, height; target x and its height, inner length, width; height of the highest particle [m];
     fractions in the target's box and in the cup's; height of the red bar [m] and t. SoftGym's

@@ -36,7 +36,7 @@ class JointAction(ArmAction):
     def actions(self) -> ActionSpace:
         names, number = self._servos.joints, self._servos.number
         moves = tuple(
-            (f"change of {name}", "rad", f"±1 is {largest:.4g} rad in a sim step")
+            (f"change of {name}", "rad", f"-{largest:.4g} to {largest:.4g} per sim step")
             for name, largest in zip(names, self._largest[: len(names)], strict=True)
         )
         return gripper_actions(number, moves)

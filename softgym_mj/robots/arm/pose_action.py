@@ -44,7 +44,7 @@ class PoseAction(PositionAction):
 
     @functools.cached_property
     def actions(self) -> ActionSpace:
-        ends = f"±1 is {MAX_TURN:g} rad in a sim step"
+        ends = f"-{MAX_TURN:g} to {MAX_TURN:g} per sim step"
         rotations = tuple((f"r{axis}", "rad", ends) for axis in "xyz")
         return gripper_actions(self._servos.number, (*DISPLACEMENTS, *rotations))
 
