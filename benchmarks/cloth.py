@@ -37,7 +37,7 @@ from collections.abc import Sequence
 from benchmarks import cloth_worker
 from benchmarks.cloth_worker import DIMS, Figures
 
-SPEEDS = (0.6, 1.73)  # [m/s] Of pickers: the experts', and full speed along three axes.
+SPEEDS = (0.6, 1.73)  # [m/s] Pickers: the experts' speed, and full speed along three axes.
 CLOTH_TASKS = ("spread_cloth", "fold_cloth", "drop_cloth", "fold_crumpled_cloth", "drop_fold_cloth")
 ROPE_TASKS = ("straighten_rope", "rope_configuration")
 FIRST_VARIATION = 800

@@ -41,10 +41,10 @@ from tests.scenes.fluid_cup import SPACING, FluidCup
 # Particles along X, Y and Z. The last are 8788, the most that SoftGym draws.
 COLUMNS = ((10, 10, 5), (8, 8, 18), (10, 10, 20), (13, 13, 24), (13, 13, 52))
 TIMESTEP = 0.01  # [s]
-HEIGHT = 12.0  # [m] Of the cup: so tall that nothing overtops.
+HEIGHT = 12.0  # [m] Height of the cup: nothing overtops it.
 SETTLING = 300  # Steps, 3 s.
 DWELL = 37  # Steps in a stretch: 0.24 m at full speed.
-SPEED = 0.66  # [m/s] Of the shaken cup.
+SPEED = 0.66  # [m/s] Speed of the shaken cup.
 REST = np.zeros((3, 3))  # Velocities of the cup [m/s], one row a stretch.
 SHAKEN = SPEED * np.array(
     [[1, 0, 0], [-1, 0, 0], [0, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 0]], float

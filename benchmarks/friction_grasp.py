@@ -43,10 +43,10 @@ FABRICS = {
     "tablecloth": Fabric(),
     "limp": Fabric(bend_stiffness=1.25e-6, density=0.2, drag=0.0),
 }
-STIFFNESS = 2000.0  # [N/m] Of the plugin's contacts.
-SHARES = (0.95, 1.0, 1.05)  # Of it.
-FORCES = (0.5, 1.0, 3.0, 10.0)  # [N] Of the pinch.
-PAD, SPAN = 0.01, 0.025  # [m] Half size of its pads, and how far they open.
+STIFFNESS = 2000.0  # [N/m] Stiffness of the plugin's contacts.
+SHARES = (0.95, 1.0, 1.05)  # Factors of this stiffness.
+FORCES = (0.5, 1.0, 3.0, 10.0)  # [N] Forces of the pinch.
+PAD, SPAN = 0.01, 0.025  # [m] Half size and opening of the pads.
 
 
 def make_cloth(fabric: str, stiffness: float, **attributes) -> Cloth:

@@ -116,7 +116,7 @@ def rate(task: str, number: int, most: int, **settings: Any) -> dict[str, float]
         "reset_ms": round(1e3 * min(again), 1),
         "memory_gb": round(torch.cuda.max_memory_allocated() / 1e9, 2),
         "episodes_ended": int(ended),
-        "flags": flags[flags != 0].tolist(),  # Of ClothBatchSolver or FluidBatchSolver.
+        "flags": flags[flags != 0].tolist(),  # Flags of ClothBatchSolver or FluidBatchSolver.
         "mean_normalized_performance": round(float(infos["normalized_performance"].mean()), 4),
     }
     if "jax" in sys.modules:  # Arms; its memory is not PyTorch's.

@@ -35,7 +35,7 @@ from softgym_mj.variations.store import CACHE_VARIABLE
 
 VARIATIONS = range(800, 810)
 MESHES = {"coarser": "fast", "finer": "accurate"}
-NOISE = 1e-3  # Of actions in [-1, 1].
+NOISE = 1e-3  # Standard deviation of the noise of actions in [-1, 1].
 CRUMPLED = ("spread_cloth", "fold_crumpled_cloth")
 HUNG, LAID = 0.45, 0.03  # [m] Heights of the pickers.
 SETTLE_STEPS = 25  # Env steps: 2 s.

@@ -64,7 +64,7 @@ def _seeds(monkeypatch):
 def _interrupts():
     """Ctrl-C does what it did before: an interrupted command has it end the process."""
     usual = signal.getsignal(signal.SIGINT)
-    if usual is signal.SIG_IGN:  # Of what a shell has started in the background: it would go on.
+    if usual is signal.SIG_IGN:  # A shell's background processes ignore it: they would go on.
         signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, usual)

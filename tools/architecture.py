@@ -19,8 +19,8 @@ FLOORS = [
     {"cli"},
 ]
 FILE = pathlib.Path(__file__).parent.parent / "docs" / "architecture.svg"
-WIDTH, HEIGHT, GAP = 130, 30, 14  # [pixels] Of a box, and between two.
-COLORS = ("#e8eef7", "#d3e1f1")  # Of the floors in turn.
+WIDTH, HEIGHT, GAP = 130, 30, 14  # [pixels] Sides of a box, distance of two.
+COLORS = ("#e8eef7", "#d3e1f1")  # Colors of the floors, alternating.
 
 
 def svg() -> str:

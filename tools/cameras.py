@@ -41,10 +41,10 @@ RESETS, EPISODES = SPLITS["train"][::4], SPLITS["train"][5::50]
 EVERY = 5  # Env steps of an episode of which one is looked at.
 AZIMUTHS, ELEVATIONS = range(-180, 180, 15), range(30, 86, 5)  # [deg] Where the camera is.
 ANGLES = (45.0, 30.0)  # [deg] Fields of view.
-MARGIN = 0.06  # Of half the image, left free at its edges.
+MARGIN = 0.06  # Free margin, as a share of half the image.
 SPLASHED = 0.005  # Share of the particles that may be anywhere.
 STRAYED = 0.03  # Share of the experts' frames with parts outside of the image.
-DIGITS = 3  # Of the poses.
+DIGITS = 3  # Decimal places of the poses.
 # Side of pictures [pixels], resets and frames of episodes, of a first and of a second comparison.
 COARSE, FINE = (48, 10), (64, 40)
 SAMPLES, FEWER = 3000, 200  # Points on the object, and on a part of the actor.

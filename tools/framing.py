@@ -29,10 +29,12 @@ FILE = pathlib.Path(__file__).parent.parent / "docs" / "cameras.json"
 ACTORS = ("default", *ARMS)  # Pickers or cups, arms.
 RESETS = SPLITS["evaluate"][::5]
 EPISODES = SPLITS["evaluate"][10::50]
-SIDE, SMALL = 128, 64  # Of the pictures of resets, and of those along episodes [pixels].
+SIDE, SMALL = 128, 64  # [pixels] Side of images of resets, and of those along episodes.
 WIDER = 1.5  # Times as far to all sides.
 EVERY = 4  # Env steps of an episode of which one is looked at.
-WHOLE = 0.99  # Of the object's pixels inside: the object counts as wholly inside.
+WHOLE = (
+    0.99  # Share of the object's pixels inside the image, from which it counts as wholly inside.
+)
 SEEN = [LABELS.index(label) for label in ("object", "container")]
 
 

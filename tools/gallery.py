@@ -17,7 +17,7 @@ from softgym_mj.robots.arm.models import ARMS
 
 FOLDER = pathlib.Path(__file__).parent.parent / "docs" / "gallery"
 SIZE = 480  # Side [pixels].
-QUALITY = 85  # Of JPEG, 0..100.
+QUALITY = 85  # JPEG quality, 0..100.
 ACTORS = ("abstract", *ARMS)  # The first: pickers, or a cup that moves by itself.
 # Part of the expert's steps until it rests after which it is shown, where most is to be seen.
 MOMENT = 0.5

@@ -79,4 +79,4 @@ def kept() -> str:
     return table("| experiment | bound, % | within it | off by, % |", lines)
 
 
-TABLES: dict[str, Callable[[], str]] = {"strips": strips, "lab": others}  # Of docs/reality.md.
+TABLES: dict[str, Callable[[], str]] = {"strips": strips, "lab": others}  # In docs/reality.md.

@@ -32,9 +32,9 @@ STALE = {
 # Titles of methods whose names are no abbreviations.
 _TITLES = {"teacher_student": "teacher and student", "distill": "distillation"}
 _KINDS = ("policy on states", "policy on images", "CEM")
-_COLORS = 10  # Of Matplotlib's cycle; further lines are dotted.
-_DASHES = "--", "-.", (0, (1, 4))  # Of others' numbers in a panel.
-_LOWEST = -0.5  # Of the axis: worse policies would squeeze the others.
+_COLORS = 10  # Length of Matplotlib's color cycle; further lines are dotted.
+_DASHES = "--", "-.", (0, (1, 4))  # Line styles of published numbers of others in a panel.
+_LOWEST = -0.5  # Lower end of the axis: worse policies would squeeze the others.
 
 
 def rows() -> list[Row]:

@@ -79,7 +79,7 @@ class BatchSolver:
     outputs: Mapping[str, Shape] = {}
     exact: tuple[str, ...]
     last: tuple[str, ...] = ()
-    _variant = ""  # Of the kernel, as in `Device.step`.
+    _variant = ""  # Variant of the kernel, as in `Device.step`.
 
     def __init__(self, num_envs: int, sizes: Mapping[str, int], device: Device | None = None):
         """Allocates zeros, without models.

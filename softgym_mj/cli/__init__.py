@@ -1,1 +1,1 @@
-"""The command line: one file for what belongs together."""
+"""The command line `softgym-mj`: one module per group of commands."""

@@ -165,7 +165,7 @@ def progress_of(configuration: "Configuration") -> Iterator["Progress"]:
     if steps is None:
         steps = TASKS[configuration.task].horizon
     check_count("horizon", steps, 1)
-    decisions = -(-steps // planning.replan_every) if planning else 1  # Of an episode.
+    decisions = -(-steps // planning.replan_every) if planning else 1  # Per episode.
     scores: list[float] = []
     env_steps, start = 0, time.perf_counter()
 

@@ -107,7 +107,7 @@ def join(
         "joined"
     ),
 ) -> None:
-    """Joins trainings that differ in their seeds, such as those of two GPUs, to one result."""
+    """Joins trainings that differ in their seeds, such as those of two GPUs, into one result."""
     from softgym_mj.learning import joining
 
     seeds = joining.join(folders, out)

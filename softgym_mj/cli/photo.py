@@ -43,7 +43,7 @@ def photo(
     file = out or pathlib.Path(f"{record.name}{ending}")
     if file.suffix.lower() != ending:
         raise InvalidArgumentError("out", str(file), f"a file that ends in {ending}")
-    # Made before the episode is played: it checks its arguments.
+    # Its arguments are checked before the episode is played.
     view = photos.PhotoCamera(camera, size, samples, denoise)
     env = softgym_mj.load(record, split="all", **for_people(record, actor, grasp))
     act = make_policy(policy, env, trust=trust)

@@ -121,7 +121,7 @@ def rollout(
         make_folder(video)
     settings = {**for_people(record, actor, grasp, look), **observes(policy)}
     env = softgym_mj.load(record, split=played, **settings)
-    own_grasp = (*env.task.actor.name.split("/"), None)[1]  # Of arms, as in "franka/attach".
+    own_grasp = (*env.task.actor.name.split("/"), None)[1]  # Arms are named as in "franka/attach".
     camera = None if video is None else "task"  # Images take most of the time.
     for index in played:
         episode = play(env, policy, index, seed=seed, trust=trust, camera=camera, size=VIDEO_SIZE)

@@ -43,8 +43,8 @@ class HangCloth(Task):
     picker 1 (x, y, z each): 21 entries [m]. `OBSERVATIONS` of `tasks.shared.observations` lists the
     others.
     Reward = performance: twice the share of the towel that hangs on the side of the bar where less
-    of it hangs. What lies on the floor or is higher than the bar does not hang.
-    Bounds: 0, as without any motion, and 1, of a towel that hangs evenly.
+    of it hangs. Cloth on the floor or above the bar does not count.
+    Bounds: lower = 0 (the start), upper = 1 (both halves hang).
     Horizon: 100 env steps of 8 sim steps; nothing else ends an episode.
     Start: the towel, 0.36 to 0.5 m by 0.24 to 0.34 m, lies flat beside the bar, rotated by up to 10
     degrees. The bar is 0.3 to 0.38 m high, with a radius of 8 to 16 mm; with `bars="unseen"` 0.4 to

@@ -24,13 +24,13 @@ ROUTES = {
     "unseen": ((0.032, 0.038), (0.18, 0.19)),
 }
 PEGS = 3
-PEG_RADIUS, HEIGHT = 0.008, 0.025  # [m] Of pegs; clips are as high.
+PEG_RADIUS, HEIGHT = 0.008, 0.025  # [m] Radius and height of pegs; clips are as high.
 GAP, JAW, END = 0.028, (0.01, 0.002), 0.06  # [m] Clips: gap, half sizes, distance from an end.
 BESIDE = 0.03  # [m] Width of the gate beside a peg, in which the rope passes it.
 REACH = 0.025  # [m] Distance from which a gate counts: a rope behind the peg is farther away.
 DRAWN = 2001  # Points in which routes are drawn.
-DENSE = 4  # Points per segment from which distances are measured,
-SLACK = 0.002  # [m] less half their distance.
+DENSE = 4  # Points per segment of the rope, for its distances from gates.
+SLACK = 0.002  # [m] Half the spacing of these points, which is subtracted from the distances.
 START_Y, START_SHIFT, START_ANGLE = -0.16, 0.02, math.pi / 12  # [m], [rad] Where the rope starts.
 WOOD = (0.85, 0.45, 0.12, 1.0)
 
@@ -71,7 +71,7 @@ class RouteCable(Task):
     `OBSERVATIONS` of `tasks.shared.observations` lists the others.
     Reward = performance: mean over the gates of 1 - d / 2.5 cm, at least 0, with the distance d of
     the rope from the gate: a segment on the table beside a peg or across a clip.
-    Bounds: 0, as at reset, and 1, of a rope that passes all gates.
+    Bounds: lower = 0 (the start), upper = 1 (all gates).
     Horizon: 100 env steps of 8 sim steps; nothing else ends an episode.
     Start: the rope lies straight 0.14 to 0.18 m beside the pegs, rotated by up to 15 degrees. The
     route is a wave with an amplitude of 15 to 28 mm and a length of 0.2 to 0.26 m; with
@@ -80,7 +80,7 @@ class RouteCable(Task):
 
     summary = "Route a rope around pegs and through clips."
     difficulty, material = "hard", "rope"
-    success = 0.9  # All gates but half of one.
+    success = 0.9  # Half of one of the five gates may be missing.
     workspace = Workspace((-0.4, -0.35, 0.0), (0.4, 0.35, 0.3))
     reset_height, view = 0.1, "route_cable"
     symmetries = anywhere("same", "reversed")

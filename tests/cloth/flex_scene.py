@@ -13,7 +13,7 @@ from softgym_mj.native.library import load_plugin
 from softgym_mj.reality.lab.vertices import Vertices
 
 GRAVITY = 9.81
-SPACING = 0.03  # [m] Of the vertices of cloths.
+SPACING = 0.03  # [m] Distance of vertices of cloths.
 RADIUS = 0.005  # [m]
 HELD_MASS = 10.0  # [kg]
 TIMESTEP = 0.01  # [s]

@@ -152,7 +152,7 @@ class Pushed(FlexScene):
     def __init__(self, flex: Flex, *bodies: str, solids: Sequence[str], **settings):
         """Builds the scene; `solids` are names of geoms."""
         super().__init__(flex, scenery="".join(bodies), **settings)
-        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT  # Of MuJoCo.
+        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT  # No contacts of MuJoCo.
         self.solids = [self.model.geom(name).id for name in solids]
         self.bodies = Bodies(self.model, self.data, self.solids)
 

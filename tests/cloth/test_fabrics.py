@@ -24,7 +24,7 @@ GRAVITY_LENGTHS = {
 def test_fabrics_drape_by_the_lengths_that_are_known_of_them():
     assert list(FABRICS) == list(GRAVITY_LENGTHS)
     found = {name: 1e3 * fabric.gravity_length for name, fabric in FABRICS.items()}
-    # Those of the ten fabrics are of a mean of five directions, ours of three.
+    # Values of the ten fabrics are means of five directions, ours of three.
     assert found == pytest.approx(GRAVITY_LENGTHS, rel=0.01)
 
 

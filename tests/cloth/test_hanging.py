@@ -10,7 +10,7 @@ from tests.cloth.flex_scene import GRAVITY
 
 LENGTH, SPACING, CORD_MASS = 0.4, 0.02, 0.02  # [m], [m], [kg]
 STRETCH = 500.0  # [N]
-HEIGHT = 0.8  # [m] Of the load's origin.
+HEIGHT = 0.8  # [m] Height of the load's origin.
 FIRM = 'solref=".01 1" solimp=".99 .999 .001"'
 LAST = 20  # Vertex of a rope.
 

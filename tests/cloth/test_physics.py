@@ -42,7 +42,7 @@ BOTH = pytest.mark.parametrize("fabric", FABRICS.values(), ids=FABRICS)
 THINGS = pytest.mark.parametrize("thing", [*FABRICS, "rope"])
 FRICTIONS = pytest.mark.parametrize("friction", [0.3, 0.5, 0.75, 1.0, 1.5])
 LIMITS = {0.6: 0.03, 1.73: 0.06}  # Speed of pickers [m/s]: 99th percentile of strain.
-LEAST_HEIGHT = 0.004  # [m] Of vertices, which rest at 5 mm.
+LEAST_HEIGHT = 0.004  # [m] Lowest vertices; they rest at 5 mm.
 
 
 # ------------------------------------------------------------------ friction on planes
@@ -422,7 +422,7 @@ def test_a_box_rests_on_a_folded_cloth(mass, size, name):
 
 # ------------------------------------------------------------------ thin solids
 
-HEIGHT = 0.5  # [m] Of the solids' middle.
+HEIGHT = 0.5  # [m] Middle of the solids.
 KINDS = ("cylinder", "capsule", "board", "narrow")
 FALLS = {0.06: 0.0, 0.5: 0.05, 5.0: 0.0, 60.0: 0.05}  # [m]; how far off the middle [m].
 FAST_CASES = (

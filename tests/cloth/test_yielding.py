@@ -13,7 +13,7 @@ from tests.contract.test_snapshots import trace
 
 WIDE = Workspace((-2.0, -2.0, 0.0), (2.0, 2.0, 2.0))
 ROPE, CLOTH = "straighten_rope", "spread_cloth"
-# [m] Of the picker centers above the vertices: the spheres just touch these.
+# [m] Height of picker centers above the vertices: the spheres just touch these.
 ABOVE = {ROPE: 0.03, CLOTH: 0.055}
 SECONDS = 0.32  # Duration of the pull.
 NEIGHBORS = (180, 181)  # Vertices in the middle of the cloth, along X.

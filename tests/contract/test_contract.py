@@ -190,7 +190,7 @@ def test_gymnasium_renders_metric_depth():
     assert depth.shape == (120, 160) and depth.dtype == np.float32
     # In the middle of the image is the point of the floor that the camera looks at.
     pose = VIEWS["straighten_rope"].camera
-    down = 1 - 2 * (pose.quaternion[1] ** 2 + pose.quaternion[2] ** 2)  # Of its axis, upwards.
+    down = 1 - 2 * (pose.quaternion[1] ** 2 + pose.quaternion[2] ** 2)  # Z of the axis.
     assert np.median(depth[58:62, 78:82]) == pytest.approx(pose.position[2] / down, rel=0.05)
     assert 0.3 < depth.min() < np.median(depth)
 

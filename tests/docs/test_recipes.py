@@ -30,7 +30,7 @@ RECIPES = {
     for section in PAGE.split("\n## ")[1:]
 }
 IDENTIFIER = "softgym_mj/StraightenRope-v0"
-HORIZON = 75  # Of straighten_rope.
+HORIZON = 75  # Horizon of straighten_rope.
 
 
 @pytest.fixture(name="run")

@@ -5,7 +5,7 @@ from PIL import Image
 
 from tools import videos
 
-LARGEST, ALL = 400e3, 2.5e6  # Of a file, and of all of them [bytes].
+LARGEST, ALL = 400e3, 2.5e6  # [bytes] Limits of a file, and of all files.
 
 
 def moving_dot(n, still):

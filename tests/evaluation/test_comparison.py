@@ -57,7 +57,7 @@ def test_a_table_has_what_the_results_have(tmp_path, three):
     read = comparison.read_results(three[:1])
     scores = [episode["normalized_performance"] for episode in read[0]["episodes"]]
     assert float(rows[0]["mean"]) == np.mean(scores)
-    # Of two scores, half-way between them and each of them.
+    # Quantiles of two scores: halfway between them and each of them.
     quartiles = [float(rows[0][f"percentile_{percent}"]) for percent in (25, 75)]
     assert quartiles == pytest.approx(min(scores) + np.array([0.25, 0.75]) * np.ptp(scores))
     assert (rows[0]["quartiles_over"], rows[0]["episodes"]) == ("variations", "2")

@@ -58,7 +58,7 @@ def test_files_know_whose_they_are(tmp_path):
     for name in names:
         (folder / name).with_suffix(".jsonl").unlink()
     files = [folder / name for name in names]
-    # Of another variation, of another seed, of other settings.
+    # Results of another variation, of another seed, of other settings.
     for file, other in [(files[0], files[1]), (files[0], files[2])] + [
         (files[0], tmp_path / f"{n}" / names[0]) for n in (1, 2)
     ]:

@@ -129,8 +129,9 @@ def test_presets_suit_every_task(preset):
         assert training.reward_scale == (20.0 if "water" in task else 50.0)
         assert settings.actor_rate == settings.critic_rate == (1e-4 if folds else 3e-4)
         assert settings.alpha_rate == (2e-5 if folds else 1e-3)
-        # Of env steps.
-        assert settings.lr_halving_period / ratio == (150_000 if task in halved else 0)
+        assert settings.lr_halving_period / ratio == (
+            150_000 if task in halved else 0
+        )  # Env steps.
 
 
 def test_bad_settings_are_refused():

@@ -96,7 +96,10 @@ def test_a_state_that_is_cut_has_no_stacks_across_the_cut(monkeypatch):
     history = _played(first, 12, ends=0.0)
     second.set_state(first.get_state())
     batch = second.sample(0, 100)
-    assert set(batch["held"][:, 0].tolist()) == {10.0, 11.0}  # Of 8..11, those with two before.
+    assert set(batch["held"][:, 0].tolist()) == {
+        10.0,
+        11.0,
+    }  # Frames of 8..11 with two before them.
     for i in range(100):
         step, env_index = map(int, batch["held"][i])
         expected = _stack(history, 0, step, env_index, "rgb", 3)

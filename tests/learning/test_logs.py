@@ -11,7 +11,7 @@ from softgym_mj.learning.logs import make_log
 
 def test_tensorboard_has_losses_scores_and_success(tmp_path):
     training = types.SimpleNamespace(seeds=[3, 7], env_steps=100, rows=[])
-    for env_steps in (100, 200):  # Of two evaluations; each is told once.
+    for env_steps in (100, 200):  # Two evaluations, each logged once.
         for seed in training.seeds:
             for split in ("train", "evaluate"):
                 score = env_steps / 1000.0 + seed / 100.0

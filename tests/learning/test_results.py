@@ -27,7 +27,7 @@ from tools.run_queue import waiting
 
 ROOT = pathlib.Path(__file__).parents[2]
 RESULTS = ROOT / "docs" / "results"
-SCORES = (0.4, 1.0, 0.0, 0.9, 0.5)  # Of seeds 0..4, held out, at the end.
+SCORES = (0.4, 1.0, 0.0, 0.9, 0.5)  # Final held-out scores of seeds 0..4.
 NAME = ("straighten_rope", "sac", "reduced", "fast", "symmetric")
 OWN = ("straighten_rope", "sac_own", *NAME[2:])  # A method of somebody else.
 HEAD = ",".join(curves.COLUMNS)
@@ -461,5 +461,5 @@ def test_the_committed_queue_suits_presets_and_tasks():
             assert run.env_steps == TASKS[run.task].horizon * budget
             continue
         file = PRESETS / f"{run.method}.toml"
-        if file.exists():  # Of a method that is there already.
+        if file.exists():  # File of a method that exists already.
             assert run.preset in tomllib.loads(file.read_text())

@@ -44,7 +44,7 @@ def test_densities_are_those_of_a_transformed_gaussian():
     deviation = log_std.double().exp()
     before = mean.double() + noise.double() * deviation
     base = torch.distributions.Normal(mean.double(), deviation)
-    # Of the density after tanh: divided by its slope, 1 - tanh^2 = 1 / cosh^2.
+    # The density after tanh is divided by its slope, 1 - tanh^2 = 1 / cosh^2.
     expected = (base.log_prob(before) + 2.0 * torch.log(torch.cosh(before))).sum(-1)
     torch.testing.assert_close(density.double(), expected, atol=1e-4, rtol=1e-4)
     torch.testing.assert_close(action.double(), torch.tanh(before), atol=1e-6, rtol=1e-5)

@@ -15,7 +15,7 @@ from softgym_mj.variations.indices import SPLITS
 
 FEW = {"train": range(1), "evaluate": range(800, 802)}
 OWN = Name("straighten_rope", "mine", "reduced", "custom", "plain")
-SIZE = 36  # Of the reduced state of straighten_rope.
+SIZE = 36  # Size of the reduced state of straighten_rope.
 
 
 class Constant(torch.nn.Module):

@@ -89,7 +89,7 @@ def test_episodes_are_left_early_where_they_are_learned_from(tmp_path, no_polici
     ended = training.learner.replay.arrays["ended"][:, 0, 0].tolist()
     # The newest 24 of four parts of 8, each of which begins anew: episodes of 4, none of 6.
     assert ended == 6 * [False, False, False, True]
-    assert horizons == [6]  # Of evaluations.
+    assert horizons == [6]  # Horizon of evaluations.
 
 
 def test_how_each_episode_of_the_last_evaluation_ended_is_written(whole):

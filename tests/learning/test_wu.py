@@ -76,7 +76,7 @@ def test_cloth_pixels_are_those_of_the_labels(task):
     mask, label = np.array(masks), np.array(labels)
     each = (mask & label).sum((1, 2)) / (mask | label).sum((1, 2))
     assert (mask & label).sum() / (mask | label).sum() > 0.95
-    assert each.min() > 0.9  # Of the smallest pieces a tenth of the pixels are edges.
+    assert each.min() > 0.9  # A tenth of the pixels of the smallest pieces are edges.
     near = functional.max_pool2d(torch.tensor(label).float(), 3, 1, 1).numpy() > 0
     assert (mask & ~near).sum() < 0.01 * mask.sum()
 

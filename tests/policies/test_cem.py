@@ -191,7 +191,7 @@ def test_a_journal_continues_an_episode_exactly(env, tmp_path):
     plans.clear()
     result = play(env, make_policy(env, journal=journal, on_decision=plans.append), 9)
     np.testing.assert_array_equal(result, expected)
-    assert len(plans) == 3  # Of five decisions.
+    assert len(plans) == 3  # The journal has the other two of five.
     other = play(env, make_policy(env, seed=1), 9)
     assert not np.array_equal(other, expected)
     # Each plan is executed for two steps; the next one starts from what is left of it.

@@ -45,7 +45,7 @@ def test_a_sheet_falls_at_its_terminal_speed(name):
 @FABRICS
 def test_a_strip_swings_as_a_plate_in_the_air(name):
     found = experiments.swinging(Fabric.named(name), name)
-    assert found.value < 0.2  # Of half a radian: the air has done most of it.
+    assert found.value < 0.2  # The air has damped most of half a radian.
     assert found.value == pytest.approx(found.expected, rel=0.03)
 
 

@@ -73,7 +73,7 @@ def test_images_are_compressed_without_loss(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("shape", "kind", "expected"),  # Of a frame 1024 bytes or less.
+    ("shape", "kind", "expected"),  # A frame has 1024 bytes or less.
     [
         ((76, 128, 128, 3), np.uint8, (76, 2, 128, 3)),
         ((76, 2, 128, 128, 3), np.uint8, (76, 1, 2, 128, 3)),

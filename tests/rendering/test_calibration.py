@@ -12,7 +12,7 @@ from tests.kinds import by_kind
 
 SIZE = (160, 200)
 CAMERAS = ("task", "overview", *EXTERNAL)
-RADIUS = 0.03  # [m] Of balls.
+RADIUS = 0.03  # [m] Radius of balls.
 BALLS = np.array([[0.0, 0.0, 0.1], [0.25, 0.1, 0.05], [-0.2, 0.15, 0.3], [-0.15, -0.25, 0.05]])
 
 

@@ -50,7 +50,7 @@ def test_clouds_of_water_have_its_depth_behind_glass():
     points = cloud[cloud[:, 3] == 1.0, :3]
     assert len(points) > 300
     distance, _ = cKDTree(env.task.points()).query(points)
-    # Of the drawn surface from the particles; a wall is up to 4 cm thick, and air is beside it.
+    # The drawn surface is near the particles; a wall is up to 4 cm thick, and air is beside it.
     assert np.percentile(distance, 99) < 1.2 * env.task.water.spacing
 
 

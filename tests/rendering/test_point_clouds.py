@@ -48,7 +48,7 @@ def test_arms_do_not_stand_before_both_cameras(task):
 def test_clouds_are_spread_evenly():
     _, _, seen = tent()
     gaps = cKDTree(seen).query(seen, k=2)[0][:, 1]
-    even = np.sqrt(0.78**2 / NUM_CLOUD_POINTS)  # Of a 0.78 m square; pixels are 8 mm apart.
+    even = np.sqrt(0.78**2 / NUM_CLOUD_POINTS)  # Spacing in a 0.78 m square; pixels are 8 mm apart.
     assert np.median(gaps) > 0.6 * even
     assert np.percentile(gaps, 95) < 1.2 * even
 

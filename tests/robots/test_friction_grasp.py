@@ -155,7 +155,7 @@ def test_a_rigid_body_in_the_hand_is_no_vertex(shape):
     env.reset(800)
     close_at(env, np.array([0.1, -0.2]))
     data = env.physics.data.ptr
-    # Of two geoms the one of the simpler kind comes first: a ball before the pad, the pad before a
+    # The geom of the simpler kind comes first: a ball before the pad, the pad before a
     # box.
     pads = env.task.actor._holding._fingers.pads
     place = 1 if shape == "sphere" else 0

@@ -12,7 +12,7 @@ from softgym_mj.exceptions import StoreError
 from softgym_mj.rendering.offscreen import Video, write_picture
 from softgym_mj.storage.files import read_json, read_whole, whole, write_json, write_whole
 
-LARGE = np.random.default_rng(0).integers(0, 256, (4, 512, 512, 3), np.uint8)  # Of 3 MB.
+LARGE = np.random.default_rng(0).integers(0, 256, (4, 512, 512, 3), np.uint8)  # 3 MB.
 WRITERS = {
     "bytes": lambda file: write_whole(file, LARGE.tobytes()),
     "json": lambda file: write_json(file, {"a": LARGE[0].tolist()}),

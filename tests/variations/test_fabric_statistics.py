@@ -8,7 +8,7 @@ from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.variations import fabric_statistics
 from softgym_mj.variations.indices import generator
 
-# Of 618 fabrics: densities [g/m^2] of a band, how many, bending stiffness [uN m] at 10, 50, 90 %.
+# 618 fabrics: densities [g/m^2] of a band, number in it, bending stiffness [uN m] at 10, 50, 90 %.
 TABLE = [
     (15, 60, 63, 0.7, 1.3, 7.3), (60, 100, 84, 1.6, 4.1, 14), (100, 150, 90, 2.7, 7.7, 13),
     (150, 200, 84, 4.0, 17, 36), (200, 300, 155, 5.4, 18, 42), (300, 400, 71, 10, 34, 78),

@@ -216,7 +216,7 @@ def test_simulated_time_is_held_back_to_real_time():
 
     pace = Pace(lambda: now[0], sleep)
     for _ in range(100):
-        now[0] += 0.005  # Of work.
+        now[0] += 0.005  # Work takes 5 ms.
         pace.wait(0.02)
     assert now[0] == pytest.approx(2.0) and pace.speed == pytest.approx(1.0, rel=0.02)
     slept.clear()

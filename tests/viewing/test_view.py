@@ -83,7 +83,7 @@ def test_keys_start_and_stop():
     assert session.variation == 0
     press(keys.EXPERT)
     assert session.policy == "scripted"
-    press(keys.MOVE)  # Of no effect.
+    press(keys.MOVE)  # Has no effect.
     press(keys.EXPERT)
     assert session.policy == "teleoperate"
     press(keys.MOVE)
@@ -189,7 +189,7 @@ def test_another_model_opens_another_window():
 def test_a_dragged_picker_follows_the_mouse():
     session = unhurried("straighten_rope")
     targets = session.teleoperation.targets
-    place = np.array([0.3, 0.2, 0.1])  # Of what the mouse holds: only its way counts.
+    place = np.array([0.3, 0.2, 0.1])  # Point that the mouse holds: only its displacement counts.
 
     def grab(viewer):
         viewer.perturb.select = viewer.model.body("picker/picker_1").id

@@ -15,7 +15,7 @@ _BOX, _SPHERE, _CYLINDER, _CAPSULE, _MESH = (
     for name in ("BOX", "SPHERE", "CYLINDER", "CAPSULE", "MESH")
 )
 _POLE = 1e-9  # [m] Largest radius of a pole, whose triangles have two corners there.
-SIDES = 20  # Of round shapes: a radius of 5 cm is off by at most 0.6 mm.
+SIDES = 20  # Sides of a round shape: at a radius of 5 cm the error is at most 0.6 mm.
 
 
 class Mesh(NamedTuple):

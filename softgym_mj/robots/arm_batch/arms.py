@@ -47,8 +47,8 @@ class Motion(NamedTuple):
 class ArmBatch(LedArms):
     """Arms of environments that step together, on the device of their arrays.
 
-    Nothing pushes on the arms. Numbers have double precision: the posture's cost is a millionth of
-    the tools'. `torch.from_dlpack` shares arrays with PyTorch.
+    No object pushes on the arms. Numbers have double precision, because the posture's cost is a
+    millionth of the tools'. `torch.from_dlpack` shares arrays with PyTorch.
     """
 
     def __init__(
@@ -98,8 +98,8 @@ class ArmBatch(LedArms):
 
         Args:
             state: state of the environments.
-            actions: entries and grip of each arm (num_envs, k n), an array of NumPy or JAX or, on
-                the same device, of PyTorch.
+            actions: entries and grip of each arm (num_envs, k n), an array of NumPy, of JAX or,
+                on the same device, of PyTorch.
             sim_steps: number of sim steps, even.
 
         Raises:
@@ -193,7 +193,7 @@ class ArmBatch(LedArms):
         return state._replace(positions=positions, speeds=speeds), inertia, solids
 
     def _motion(self, state: ArmState, pose: Pose) -> tuple[jax.Array, ...]:
-        """Returns the fields of `Motion` but for the solids."""
+        """Returns the fields of `Motion` except the solids."""
         tools = inverse_kinematics.hands(self.kinematics, self._dynamics.chain, pose, state.speeds)
         joints, fingers = jnp.split(state.positions, [self._joints], axis=1)
         return *tools, fingers.sum(-1), joints

@@ -108,7 +108,7 @@ def poses(chain: Chain, angles: jax.Array) -> Pose:
     moved = jnp.append(angles - chain.zero, 0.0)[chain.joint]
     turn = jnp.where(chain.slides, 0.0, moved)
     slide = jnp.where(chain.slides, moved, 0.0)[:, None] * chain.axis
-    cross = np.cross(np.eye(3), chain.axis[:, None, :])  # Of the axis with a vector.
+    cross = np.cross(np.eye(3), chain.axis[:, None, :])  # Matrices of the cross product.
     sin, cos = jnp.sin(turn)[:, None, None], jnp.cos(turn)[:, None, None]
     own = np.eye(3) + sin * cross + (1.0 - cos) * np.matmul(cross, cross)
     rotation, moved_anchor = product(chain.rotation, own), chain.anchor + slide
@@ -126,7 +126,7 @@ def poses(chain: Chain, angles: jax.Array) -> Pose:
         chain.parent, chain.position, chain.rotation, rotation, chain.anchor, moved_anchor,
         np.arange(number),
     )  # fmt: skip
-    rest = jax.tree.map(lambda array: array[1:], each)  # The world stays.
+    rest = jax.tree.map(lambda array: array[1:], each)  # The world does not move.
     (position, matrix), _ = jax.lax.scan(attach, start, rest)
     joints = chain.body
     anchor = position[joints] + apply(matrix[joints], chain.anchor[joints])

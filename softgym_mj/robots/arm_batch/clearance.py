@@ -1,8 +1,8 @@
 """Distances of an arm's shapes from the floor and from those of another arm.
 
-A capsule, sphere or box is a core box (a segment and a point are boxes, too) and a radius; a
-cylinder's core is itself. Alternating projections onto two cores end at their nearest points; they
-start at those of the cores' segments along z, which are exact for capsules.
+A capsule, sphere or box is a core box (a segment or a point in the limit) with a radius; a cylinder
+is its own core. Alternating projections onto two cores converge to their nearest points. They start
+from the nearest points of the cores' segments along z, which are exact for capsules.
 """
 
 from typing import NamedTuple
@@ -14,7 +14,7 @@ import numpy as np
 
 from softgym_mj.robots.arm_batch.chain import Pose, apply, matrices, product
 
-PROJECTIONS = 20  # Of each of two shapes on the other.
+PROJECTIONS = 20  # Number of alternating projections onto two cores.
 KINDS = mujoco.mjtGeom
 
 
@@ -53,7 +53,7 @@ class Ends(NamedTuple):
 
 
 def shapes_of(model: mujoco.MjModel, geoms: list[int]) -> Shapes:
-    """Returns some geoms of a model: spheres, capsules, boxes and cylinders."""
+    """Returns the shapes of some geoms of a model: spheres, capsules, boxes and cylinders."""
     core, radius = np.zeros((len(geoms), 3)), np.zeros(len(geoms))
     kinds = model.geom_type[geoms]
     for i, (geom, kind) in enumerate(zip(geoms, kinds, strict=True)):
@@ -111,7 +111,7 @@ def nearest(
     one = _Core(*own, first.is_round[:, None, None])
     other = _Core(*second_pose, second.core, second.is_round[:, None])
     start, end = _between(one, other)
-    # Those of segments are exact.
+    # Nearest points of two segments are exact already.
     thick = [shapes.core[:, :2].max(1) > 0.0 for shapes in (first, second)]
     i, j = np.nonzero(thick[0][:, None] | thick[1])
     one = _Core(*(each[i] for each in (*first_pose, first.core, first.is_round[:, None])))
@@ -156,7 +156,7 @@ class _Core(NamedTuple):
 def _between(one: _Core, other: _Core) -> tuple[jax.Array, jax.Array]:
     """Returns nearest points (..., 3) of the segments along the z axes of pairs of cores.
 
-    Those of parallel segments are any. (Ericson, Real-Time Collision Detection, 5.1.9.)
+    Parallel segments have several such pairs. (Ericson, Real-Time Collision Detection, 5.1.9.)
     """
     a, b = (core.rotation[..., 2] * core.size[..., 2:] for core in (one, other))
     gap = other.position - one.position

@@ -1,7 +1,7 @@
 """Soft constraints of an arm: the coupling of its two fingers and the limits of its joints.
 
 The formulas are those of MuJoCo's integrator "discrete": a row with the reference acceleration a_r
-pulls with the force D (a_r - J a), implicit in the acceleration a. Limits only push.
+exerts the force D (a_r - J a), implicit in the acceleration a. Limits push but do not pull.
 """
 
 from typing import NamedTuple
@@ -151,12 +151,12 @@ def pushes(rows: Active, acceleration: jax.Array) -> jax.Array:
 
 
 def stiffness(rows: Active, acting: jax.Array) -> jax.Array:
-    """Returns what acting rows add to the matrix (m, m) of the accelerations' equations."""
+    """Returns the term (m, m) of acting rows in the matrix of the equations of motion."""
     weighted = jnp.where(acting, rows.stiffness, 0.0)[:, None] * rows.jacobian
     return (weighted[:, :, None] * rows.jacobian[:, None]).sum(0)
 
 
 def force(rows: Active, acting: jax.Array) -> jax.Array:
-    """Returns what acting rows add to the right side (m,) of the accelerations' equations."""
+    """Returns the term (m,) of acting rows in the right side of the equations of motion."""
     pull = jnp.where(acting, rows.stiffness * rows.reference, 0.0)
     return (pull[:, None] * rows.jacobian).sum(0)

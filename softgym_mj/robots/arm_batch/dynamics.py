@@ -1,4 +1,4 @@
-"""`step`: physics step of one arm, as MuJoCo's integrator "discrete" makes it, without contacts.
+"""`step`: physics step of one arm, as by MuJoCo's integrator "discrete", without contacts.
 
 Over a step h, the servos' stiffness K and the damping D of servos and joints are implicit: with the
 mass matrix M and forces f, the acceleration a solves (M + h D + h^2 K) a = f - h K v. The soft
@@ -17,8 +17,8 @@ from softgym_mj.robots.arm_batch import chain as chains
 from softgym_mj.robots.arm_batch import constraints
 from softgym_mj.robots.arm_batch.chain import Chain, Pose
 
-# Solutions in a step, each with the limits that push in the last one. At most three differed with
-# random motions.
+# Solutions in a step, each with the joint limits that push in the one before. With random motions
+# the set of limits changed at most three times.
 SOLUTIONS = 5
 
 
@@ -133,7 +133,7 @@ def step(
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Returns joint positions and speeds after a physics step, and the inertia (m, m) in it.
 
-    The inertia includes what is implicit in servos and damping; impulses meet it.
+    The inertia, also for impulses, has the implicit terms of servos and damping.
 
     Args:
         arm: the arm.

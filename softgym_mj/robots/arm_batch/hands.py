@@ -56,9 +56,9 @@ def solids_of(arm: Arm, grasp: str) -> Solids:
 
 
 def jacobians(arm: Dynamics, solids: Solids, pose: Pose, yaw: jax.Array) -> jax.Array:
-    """Returns velocities and angular velocities of solids by speeds of joints (k, 6, m).
+    """Returns the Jacobians (k, 6, m) of velocity and angular velocity of solids.
 
-    They are those of the centers of mass of the solids' bodies, in the world.
+    Velocities are those of the centers of mass of the solids' bodies, in the world.
 
     Args:
         arm: the arm.
@@ -73,7 +73,7 @@ def jacobians(arm: Dynamics, solids: Solids, pose: Pose, yaw: jax.Array) -> jax.
 
 
 def responses(jacobians: jax.Array, inertia: jax.Array) -> jax.Array:
-    """Returns speeds of joints (k, m, 6) by impulses and angular impulses on solids.
+    """Returns joint velocities (k, m, 6) per unit impulse and angular impulse on solids.
 
     Args:
         jacobians: result of `jacobians`.
@@ -120,7 +120,7 @@ def quaternions(matrices: jax.Array) -> jax.Array:
     xx, yy, zz = (matrices[..., i, i] for i in range(3))
     yz, zx, xy = (matrices[..., i, j] + matrices[..., j, i] for i, j in ((1, 2), (2, 0), (0, 1)))
     x, y, z = (matrices[..., i, j] - matrices[..., j, i] for i, j in ((2, 1), (0, 2), (1, 0)))
-    # Each row is a multiple of the quaternion, by four times one of its entries.
+    # Row i is the quaternion times four times its entry i; the largest is the most accurate.
     rows = jnp.stack(
         [
             jnp.stack([1.0 + xx + yy + zz, x, y, z], axis=-1),

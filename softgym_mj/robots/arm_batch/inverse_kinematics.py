@@ -1,7 +1,7 @@
-"""`follow`: the reference of `CartesianController`, for one environment with one or two arms.
+"""`follow`: reference motion of `CartesianController`, for one environment with one or two arms.
 
-The quadratic program is the same as there: tasks of the tools and the posture, limits of joints and
-speeds, and distances from the floor and the other arm. Each arm is in the frame of its mount.
+The quadratic program is the same: tasks of the tools and the posture, limits of joints and speeds,
+and distances from the floor and the other arm. Each arm is in the frame of its mount.
 """
 
 from typing import NamedTuple
@@ -57,7 +57,7 @@ class Reference(NamedTuple):
 
     Attributes:
         angles: joint angles (arms, m) [rad].
-        speeds: speeds that led there (arms, m) [rad/s].
+        speeds: joint velocities of the motion to these angles (arms, m) [rad/s].
         failed: whether there was no solution; the arms then stand still.
     """
 
@@ -209,7 +209,7 @@ def _moved(
     costs: tuple[jax.Array, jax.Array],
     duration: float,
 ) -> Reference:
-    """Minimizes costs of displacements, a matrix and a vector, within the limits."""
+    """Returns the displacement of least cost (a matrix and a vector) within the limits."""
     number, joints = angles.shape
     up = jnp.minimum(cartesian.LIMIT_GAIN * (arms.high - angles), duration * arms.speed)
     down = jnp.minimum(cartesian.LIMIT_GAIN * (angles - arms.low), duration * arms.speed)
@@ -271,7 +271,7 @@ def _distances(
 def _rates(
     arms: Kinematics, pose: chains.Pose, i: int, points: jax.Array, normals: jax.Array
 ) -> jax.Array:
-    """Returns speeds (k, others, m) along normals of points (k, others, 3) on arm `i`'s shapes."""
+    """Returns Jacobians (k, others, m) along normals of points (k, others, 3) of arm `i`."""
     back = arms.yaw[i].T
     local, along = chains.apply(back, points - arms.base[i]), chains.apply(back, normals)
     own = jax.tree.map(lambda array: array[i], pose)

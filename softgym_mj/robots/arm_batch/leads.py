@@ -1,4 +1,4 @@
-"""Action spaces of arms as functions of one environment: what leads the joints in each sim step."""
+"""Action spaces of arms as functions of one environment: commands that the joints follow."""
 
 from collections.abc import Callable
 from typing import Protocol
@@ -18,7 +18,7 @@ from softgym_mj.robots.arm_batch.state import ArmState
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.gripper import MAX_DISPLACEMENT
 
-AHEAD = SOLVE_EVERY - 1  # Sim steps from a solution to the next but one, by which filters lead.
+AHEAD = SOLVE_EVERY - 1  # Sim steps by which solutions extrapolate the filter.
 
 
 class Lead(Protocol):
@@ -33,7 +33,7 @@ class Lead(Protocol):
         """
 
     def solve(self, state: ArmState) -> Reference:
-        """Moves the reference to the filter's prediction."""
+        """Moves the reference to the extrapolated filter."""
 
     def commanded(self, state: ArmState) -> jax.Array:
         """Returns commanded tool points (n, 3) [m]."""
@@ -46,7 +46,7 @@ class PositionLead(Lead):
     """`PositionAction`: displacements of the tool points."""
 
     def __init__(self, arm: Arm, arms: Kinematics):
-        """Leads arms of a kind."""
+        """Prepares the action space for a kind of arm."""
         self._arm, self._arms = arm, arms
 
     def advance(self, state: ArmState, entries: jax.Array) -> ArmState:
@@ -111,7 +111,7 @@ class JointLead(Lead):
     """`JointAction`: rotations of the joints."""
 
     def __init__(self, arm: Arm, arms: Kinematics):
-        """Leads arms of a kind."""
+        """Prepares the action space for a kind of arm."""
         self._arms = arms
         self._scale = FASTEST_AS / arms.speed  # [m/rad] (m,)
 

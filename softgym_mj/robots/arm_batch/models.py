@@ -22,7 +22,7 @@ def at_origin(arm: Arm) -> Mount:
 def dynamic_model(arm: Arm, timestep: float) -> tuple[mujoco.MjModel, np.ndarray]:
     """Returns the model of an arm with its servos, and their lags (joints,) [s].
 
-    It has no geoms and no gravity, which arms compensate. Nobody may change it.
+    It has no geoms and no gravity, which arms compensate. It is cached: callers must not change it.
     """
     root = _root(arm)
     for kind in ("geom", "mesh", "camera"):
@@ -45,8 +45,8 @@ def dynamic_model(arm: Arm, timestep: float) -> tuple[mujoco.MjModel, np.ndarray
 def solid_model(arm: Arm, grasp: str) -> tuple[mujoco.MjModel, list[int]]:
     """Returns the model of an arm with its geoms, and the ids of those that push, ascending.
 
-    Its bodies are those of `dynamic_model`; pads are those of a grasp of `GRASPS`. Nobody may
-    change it.
+    Its bodies are those of `dynamic_model`; pads are those of a grasp of `GRASPS`. It is
+    cached: callers must not change it.
     """
     root = _root(arm, GRASPS[grasp].least_pad)
     model = mujoco.MjModel.from_xml_string(root.to_xml_string(), assets=root.get_assets())

@@ -15,7 +15,7 @@ from softgym_mj.robots.arm_batch.arms import ArmBatch
 from softgym_mj.robots.arm_batch.state import ArmState
 from softgym_mj.robots.base import SIM_STEP
 
-SUBSTEPS = 25  # Of a step of cloth and rope, as in cloth/plugin.
+SUBSTEPS = 25  # Substeps of cloth and rope in a step, as in cloth/plugin.
 
 
 class Push(NamedTuple):
@@ -24,8 +24,9 @@ class Push(NamedTuple):
     Attributes:
         impulses: sums J and K of each solid, `ClothBatchSolver.solid_impulses`
             (num_envs, n, k, 2, 6).
-        accelerations: of the joints without the object (num_envs, n, m + 2) [rad/s^2 or m/s^2].
-        responses: speeds of the joints by impulses on each solid (num_envs, n, k, m + 2, 6).
+        accelerations: joint accelerations without the object (num_envs, n, m + 2) [rad/s^2
+            or m/s^2].
+        responses: joint velocities per unit impulse on each solid (num_envs, n, k, m + 2, 6).
     """
 
     impulses: jax.Array
@@ -88,7 +89,7 @@ class PushedArms(ArmBatch):
         self.finish = jax.jit(jax.vmap(self._finished))
 
     def no_push(self, number: int, device: jax.Device) -> Push:
-        """Returns the push of nothing on `number` environments, on a device."""
+        """Returns a push of zero for `number` environments, on a device."""
         lead = number, len(self.kinematics.base)
         solids, joints = len(self.is_pad), self._joints + 2
         shapes = (*lead, solids, 2, 6), (*lead, joints), (*lead, solids, joints, 6)
@@ -104,7 +105,7 @@ class PushedArms(ArmBatch):
     def _alone(
         self, state: ArmState, push: Push, action: jax.Array, phase: jax.Array
     ) -> tuple[ArmState, Push, Hands]:
-        """Ends the last step with its push; makes the next one without.
+        """Applies the push of the last step, then steps the arms without the object.
 
         Args:
             state: arms after the last step without its push.
@@ -113,7 +114,7 @@ class PushedArms(ArmBatch):
             phase: sim steps since the last solution.
 
         Returns:
-            State after the step without its push, this push but for the impulses, and the hands.
+            State after the step without its push, this push except its impulses, and the hands.
         """
         arm, (entries, closed) = self._dynamics, self._split(action)
         state = self._lead(_pushed(state, push), entries, phase > 0)
@@ -134,7 +135,7 @@ class PushedArms(ArmBatch):
         return later, found, Hands(points, velocities, fingers, before, solids, jacobians)
 
     def _finished(self, state: ArmState, push: Push) -> tuple[ArmState, Ended]:
-        """Ends the last sim step of an env step with its push."""
+        """Applies the push of the last sim step of an env step."""
         state = _pushed(state, push)
         pose = self._poses(state.positions)
         ends = commands.at_end(self._arm, self.kinematics, self._action.commanded(state))

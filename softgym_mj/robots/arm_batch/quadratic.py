@@ -2,7 +2,7 @@
 
 Goldfarb and Idnani, A numerically stable dual method for solving strictly convex quadratic programs
 (1983). The solution starts without constraints; in each iteration the most violated one is added,
-and those that would pull are dropped.
+and those with negative multipliers are dropped.
 """
 
 from typing import NamedTuple
@@ -11,9 +11,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-MOST = 64  # Iterations; 10 to 20 are usual where many limits of joints act.
+MOST = 64  # Largest number of iterations; 10 to 20 are usual with many active joint limits.
 TOLERANCE = 1e-9  # Largest violation of a constraint, in the units of the bounds.
-DEPENDENT = 1e-12  # Squared share of a constraint that others do not span, to count as zero.
+DEPENDENT = 1e-12  # Squared share outside the span of others, below which a row depends on them.
 
 
 class Solution(NamedTuple):

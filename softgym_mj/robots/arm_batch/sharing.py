@@ -11,7 +11,7 @@ from softgym_mj.exceptions import UnavailableError
 
 
 def device_like(array: Any) -> jax.Device:
-    """Returns the device of JAX that an array of NumPy or PyTorch is on.
+    """Returns JAX's device that stores an array of NumPy or PyTorch.
 
     Raises:
         UnavailableError: if JAX cannot use it.

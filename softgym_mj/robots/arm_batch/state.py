@@ -20,14 +20,14 @@ class ArmState(NamedTuple):
 
     Attributes:
         positions, speeds: joints, then fingers (num_envs, n, m + 2) [rad and m, and each second].
-        reference, rates: joint angles of the controller's reference and the speeds that led there
+        reference, rates: joint angles of the controller's reference and its joint velocities
             (num_envs, n, m) [rad], [rad/s].
         start, goal: commands of the servos at the last solution and at the next (num_envs, n, m)
             [rad].
         filter: command filter; arrays (num_envs, n, 3), or of commanded joints (num_envs, n m, 1).
         fingers: commands of the fingers (num_envs, n, 2) [m].
         leader: tool points of the reference (num_envs, n, 3) [m].
-        failures: number of solutions that were not found (num_envs,).
+        failures: number of solutions that failed (num_envs,).
         limits: lowest and highest commanded point (num_envs, 2, 3) [m]; not of arms with cups.
         turns, oriented: filter of rotations, relative to the orientations (num_envs, n, 4) of the
             tools that it leads, with the action "pose" only.
@@ -128,10 +128,7 @@ def unpacked(state: ArmState) -> dict[str, Any]:
 
 
 def control_state(own: ArmState) -> dict[str, np.ndarray]:
-    """Returns entries of `get_state` of the arms, of one environment (NumPy).
-
-    Those of grips and cups are left out.
-    """
+    """Returns the arms' entries of `get_state` of one environment (NumPy), without grips and cups."""
     return {
         "configuration": own.reference.ravel(),
         "velocity": own.rates.ravel(),

@@ -89,7 +89,7 @@ class ArmClothBatch(ClothBatch):
     def _grips(self, num_envs: int) -> HandGrips:
         xp, zeros, number = self._xp, self._device.zeros, self._actor.num_grippers
         (solids, dofs), lead = self._solids(), (num_envs, number)
-        # Results of JAX in arrays that keep their addresses, for graphs.
+        # CUDA graphs refer to addresses: results of JAX are copied into these arrays.
         sizes = {"points": 3, "velocities": 3, "fingers": 2, "commands": 2}
         self._hands = {name: zeros((*lead, size), "float64") for name, size in sizes.items()}
         self._hands["closed"] = zeros(lead, "bool")
@@ -130,7 +130,7 @@ class ArmClothBatch(ClothBatch):
         model, number = self._env.physics.model.ptr, self._actor.num_grippers
         pads = self._actor.servos.fingers.pads
         before = model.geom_contype[pads]
-        model.geom_contype[pads] = GRIPPER_CONTACT  # Also of those that do not push now.
+        model.geom_contype[pads] = GRIPPER_CONTACT  # Pads that do not push now may push later.
         described = describe(model, [-1] * number, solids=self._geoms)
         model.geom_contype[pads] = before
         return described
@@ -159,7 +159,7 @@ class ArmClothBatch(ClothBatch):
         self._actions[...] = actions
 
     def lead(self) -> None:
-        """Makes a sim step of the arms without the flex, after adding its push in the last one."""
+        """Applies the flex's push of the last sim step, then steps the arms without the flex."""
         arms, phase = self._arms, self._count % SOLVE_EVERY
         with jax.enable_x64(True):
             if self._count == 0:

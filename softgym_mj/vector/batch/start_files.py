@@ -23,7 +23,7 @@ _LIBRARIES = ("mujoco", "dm_control", "numpy", "scipy")
 # Packages whose objects an argument may contain: `_version` identifies their code.
 _KNOWN = {"softgym_mj", *_LIBRARIES, "builtins", "collections", "copyreg", "functools"}
 _LARGEST = 5e6  # Size of the largest state that is kept [bytes]; cloths have 2 MB.
-_LEVEL = 1  # Of compression: cloths take a seventh, and a tenth of the time to make them.
+_LEVEL = 1  # Compression level: cloths shrink to a seventh in a tenth of their simulation time.
 
 
 class StartFiles(Store):
