@@ -13,12 +13,14 @@ from typing import Any
 
 import imageio.v3 as imageio
 import numpy as np
+from PIL import Image, ImageDraw, ImageFont
 
 import softgym_mj
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.rendering.observables import LABELS
 
 VARIATIONS, STEPS = list(range(800, 810)), 6  # Env steps between the two states of a variation.
+STRIP = 20  # [pixels] Height of the label above a picture.
 OBSERVED = ["rgb", "depth", "segmentation"]
 
 
@@ -68,6 +70,14 @@ def compared(pairs: list[tuple[dict[str, Any], dict[str, Any]]]) -> dict[str, An
     }
 
 
+def labeled(picture: np.ndarray, label: str) -> np.ndarray:
+    """A picture with its label on a strip above it."""
+    strip = Image.new("RGB", (picture.shape[1], STRIP), "white")
+    font = ImageFont.load_default(STRIP - 6)
+    ImageDraw.Draw(strip).text((4, 1), label, "black", font)
+    return np.vstack([np.asarray(strip), picture])
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--tasks", nargs="+", default=list(softgym_mj.TASKS))
@@ -79,7 +89,12 @@ def main() -> None:
         pairs = states(task)
         found[task] = compared(pairs)
         print(task, found[task], flush=True)
-        rows.append([np.hstack([pairs[i][k]["rgb"] for i in (1, 5)]) for k in (1, 0)])
+        rows.append(
+            [
+                labeled(np.hstack([pairs[i][k]["rgb"] for i in (1, 5)]), f"{task}, {name}")
+                for k, name in ((1, "OpenGL"), (0, "batch"))
+            ]
+        )
     if arguments.out:
         arguments.out.write_text(json.dumps(found, indent=1) + "\n")
     if arguments.sheet:
