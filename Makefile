@@ -7,7 +7,7 @@ export OMP_NUM_THREADS ?= 1
 # Containers often forbid to store bytecode; pytest then rewrites all test modules in each worker.
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: demo notebooks test test-long test-all lint bench sheets videos gallery renders docs native clean
+.PHONY: demo notebooks outputs test test-long test-all lint bench sheets videos gallery renders docs native clean
 
 demo: $(VENV)/.installed
 	$(BIN)/softgym-mj demo --out demo
@@ -62,7 +62,7 @@ renders: $(VENV)/.installed-dev
 	$(BIN)/python -m tools.renders
 
 # The folder of the notebooks in the site: by default they are executed, minutes after a change to
-# them; `make docs NOTEBOOKS=notebooks` shows them as they are committed, without outputs.
+# them; `make docs NOTEBOOKS=notebooks` shows them as they are committed, without videos.
 NOTEBOOKS ?= build/notebooks
 
 # Builds the documentation site into build/site; a warning is an error.
@@ -71,6 +71,11 @@ docs: $(VENV)/.installed-dev $(addprefix $(NOTEBOOKS)/,$(notdir $(wildcard noteb
 
 build/notebooks/%.ipynb: notebooks/%.ipynb
 	$(BIN)/jupyter nbconvert --to notebook --execute --output-dir $(@D) $<
+
+# Copies the outputs of executed notebooks into the committed ones: after a change to their code.
+outputs: $(VENV)/.installed-dev $(addprefix build/notebooks/,$(notdir $(wildcard notebooks/*.ipynb)))
+	$(BIN)/python -m tools.notebook_outputs build/notebooks
+	touch build/notebooks/*.ipynb
 
 NATIVE = softgym_mj/native
 # Rebuilds the installed plugins after a change to their sources. It has no prerequisite: that would
