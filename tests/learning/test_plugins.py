@@ -99,7 +99,7 @@ def test_a_method_of_another_module_is_trained(tmp_path):
 
 
 def test_the_learner_of_the_page_is_trained_and_continued(tmp_path, monkeypatch):
-    section = PAGE.read_text().split("## A method of yours")[1]
+    section = PAGE.read_text().split("## Custom methods")[1]
     (code,) = re.findall(r"```python\n(.*?)```", section, re.DOTALL)
     (tmp_path / "search.py").write_text(code)
     (command,) = re.findall(r"^softgym-mj (train search:make .*)", section, re.MULTILINE)

@@ -128,7 +128,7 @@ def unpacked(state: ArmState) -> dict[str, Any]:
 
 
 def control_state(own: ArmState) -> dict[str, np.ndarray]:
-    """Returns the arms' entries of `get_state` of one environment (NumPy), without grips and cups."""
+    """Returns `get_state` of the arms of one environment (NumPy), without grips and cups."""
     return {
         "configuration": own.reference.ravel(),
         "velocity": own.rates.ravel(),
