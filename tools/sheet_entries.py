@@ -65,6 +65,7 @@ COMMON = {
     "pick and place": ("sim_steps",),
     "arms": ("ik_failures", "at_reach"),
 }  # fmt: skip
+_RATE = " per sim step"
 # Entries of which a table has one row for all corners, grippers or arms.
 _NUMBERED = re.compile(r"(?P<noun>corner|gripper|arm) (?P<number>p?\d)(?P<rest>.*)")
 
@@ -138,7 +139,13 @@ def merged(entries: Mapping[str, int]) -> Iterator[tuple[str, str]]:
 
 def action_table(entries: Iterable[tuple[str, str, str]]) -> str:
     """Table of the entries of an action: name, unit and range of each."""
-    rows = merged({"\t".join(entry): 1 for entry in entries})
+    rates = (
+        (name, unit + _RATE, ends.removesuffix(_RATE))
+        if ends.endswith(_RATE)
+        else (name, unit, ends)
+        for name, unit, ends in entries
+    )
+    rows = merged({"\t".join(entry): 1 for entry in rates})
     cells = ((indices, *label.split("\t")) for indices, label in rows)
     return table(("index", "meaning", "unit", "range"), cells)
 
