@@ -125,7 +125,7 @@ def record(
             raise InvalidArgumentError("task_settings", task_settings, valid)
     if task == ALL and dataset is not None:
         raise InvalidArgumentError(
-            "dataset", dataset, "None with all tasks: their ids contain the task"
+            "dataset", dataset, "None with task 'all': each id contains its task"
         )
     how: dict[str, Any] = {
         "policy": policy_file(policy),

@@ -210,6 +210,6 @@ class ClothBatchSolver(solver.BatchSolver):
             motion: Motion of the solids, if there are any.
         """
         if motion is None and self._sizes["solids"]:
-            raise InvalidArgumentError("motion", None, "that of the solids")
+            raise InvalidArgumentError("motion", None, "a SolidMotion, as there are solids")
         solids = motion._asdict() if motion else {}
         self._step(targets=targets, goals=goals, held=held, **solids)

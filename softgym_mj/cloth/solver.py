@@ -81,7 +81,7 @@ def _check_supported(attribute: str) -> None:
     except ValueError as error:  # In any case: no flex carries it.
         if "unrecognized" in str(error):
             raise UnavailableError(
-                f"the engine plugins are older than this package and do not know {attribute!r}: "
+                f"the engine plugins are older than this package and lack {attribute!r}: "
                 "build them again, with `make native` or as they were built."
             ) from error
 

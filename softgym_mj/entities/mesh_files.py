@@ -52,7 +52,7 @@ def read_mesh(file: str | os.PathLike, scale: float = 1.0) -> tuple[np.ndarray, 
     _check_size(path, np.ptp(used, axis=0).max(), scale)
     points, triangles, dropped = _joined(points, triangles)
     if not len(triangles):
-        raise InvalidArgumentError("file", str(path), "a mesh with a triangle that has an area")
+        raise InvalidArgumentError("file", str(path), "a mesh with a triangle of area above 0")
     if len(points) > MOST_VERTICES:
         raise InvalidArgumentError(
             f"{path.name} has {len(points)} vertices; expected at most {MOST_VERTICES}: simplify "

@@ -56,7 +56,9 @@ class CameraPose:
         back = np.subtract(position, at)
         right = np.cross([0.0, 0.0, 1.0], back)
         if not np.linalg.norm(back) > 0.0:
-            raise InvalidArgumentError("at", tuple(at), f"another place than {tuple(position)}")
+            raise InvalidArgumentError(
+                "at", tuple(at), f"a point other than position={tuple(position)}"
+            )
         if not np.linalg.norm(right) > 0.0:
             right = np.array([1.0, 0.0, 0.0])
         axes = np.column_stack([right, np.cross(back, right), back])

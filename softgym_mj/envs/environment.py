@@ -203,7 +203,7 @@ class Environment(SimulatedEnvironment):
         self._check_open()
         if self.maker is None:
             raise LifecycleError(
-                "an Environment that softgym_mj.load did not make can be neither copied nor "
+                "an Environment that softgym_mj.load did not make cannot be copied or "
                 "pickled: make another one and use other.set_state(env.get_state())"
             )
         snapshot = None if self.started is None else self.get_state()

@@ -36,12 +36,12 @@ class GoalEnv(gymnasium.Wrapper, RecordConstructorArgs):
         super().__init__(env)
         own = env.unwrapped
         if not isinstance(own, SoftGymEnv):
-            raise InvalidArgumentError("env", own, "one of softgym_mj")
+            raise InvalidArgumentError("env", own, "an environment of softgym_mj")
         self._env = own.dm_env
         self._goals = goals(self._env.name, self._env.task)
         names = [*self._env.observation_spec()]
         if len(names) > 1 or not isinstance(env.observation_space, gymnasium.spaces.Box):
-            raise InvalidArgumentError("observation", names, "one name")
+            raise InvalidArgumentError("observation", names, "a single observation")
         self._kept: Any = ...  # Images do not contain the goal.
         if names[0] in STATES:
             self._kept = np.flatnonzero(~depends_on_goal(self._env.task, names[0]))

@@ -36,7 +36,9 @@ def check_known(seed: object, options: Mapping[str, Any]) -> None:
     if "state" in options:
         for name, value in (("seed", seed), ("variation", options.get("variation"))):
             if value is not None:
-                raise InvalidArgumentError(name, value, "None, as the state has its own")
+                raise InvalidArgumentError(
+                    name, value, "None with the option 'state', which has its own"
+                )
 
 
 def checked_state(state: Any) -> tuple[Snapshot, Mapping[str, Any]]:

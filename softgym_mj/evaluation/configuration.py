@@ -79,7 +79,7 @@ class Configuration:
         for name, values in (("variations", self.variations), ("seeds", self.seeds)):
             check_count(f"number of {name}", len(values), 1)
             if len(set(values)) != len(values):
-                raise InvalidArgumentError(name, values, "each of them once")
+                raise InvalidArgumentError(name, values, "distinct values")
         if len(self.seeds) > 1 and not depends_on_seed(self.policy):
             valid = f"1, as {self.policy!r} is the same policy for every seed; saved ones depend "
             valid += f"on it by FILE{SEED}.pt2 or by an argument `seed` of the FUNCTION"

@@ -149,7 +149,7 @@ def _read(file: pathlib.Path, kind: type[_T]) -> list[_T]:
         lines = csv.reader(io.StringIO(read_whole(file).decode(), newline=""))
         table = _cells(lines)
     if (header := table[0][1] if table else []) != columns:
-        raise StoreError(f"{file}, line 1: columns {header} are refused; valid: {columns}")
+        raise StoreError(f"{file}, line 1: columns={header} is not valid: expected {columns}")
     for number, cells in table[1:]:
         values, where = [], f"{file}, line {number}"
         if len(cells) != len(columns):

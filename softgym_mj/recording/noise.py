@@ -19,7 +19,7 @@ def check_noise(noise: float, seed: int = 0) -> None:
     """Raises `InvalidArgumentError` for an invalid standard deviation or seed of noise."""
     check_count("seed", seed, 0)
     if not 0.0 <= noise <= LARGEST:
-        raise InvalidArgumentError("noise", noise, f"0..{LARGEST:g}, of actions in -1..1")
+        raise InvalidArgumentError("noise", noise, f"a number in 0..{LARGEST:g}")
 
 
 def disturbance(

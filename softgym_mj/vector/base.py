@@ -214,7 +214,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
     def __reduce__(self) -> NoReturn:
         raise LifecycleError(
-            "a VectorEnv can be neither copied nor pickled, as what simulates cannot: "
+            "a VectorEnv cannot be copied or pickled: "
             "make another one and use other.set_state(envs.get_state())"
         )
 

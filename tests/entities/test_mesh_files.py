@@ -156,7 +156,7 @@ def test_all_kinds_of_files_hold_the_same_garment(tmp_path, suffix):
         (SQUARE + "f 1 2 9\n", "trimesh cannot read"),
         (SQUARE + "f a b c\n", "trimesh cannot read"),
         (SQUARE.replace(".03", "nan") + "f 1 2 3\n", "finite numbers"),
-        (SQUARE + "f 1 1 2\n", "triangle that has an area"),
+        (SQUARE + "f 1 1 2\n", "triangle of area above 0"),
         (SQUARE.replace(".03", ".003") + "f 1 2 3\n", "measures 0.003 m .* expected 0.02 to 5.0 m"),
         (SQUARE.replace(".03", "9") + "f 1 2 3\n", "measures 9 m .* Pass its unit in meters"),
     ],

@@ -111,7 +111,7 @@ def test_a_state_is_a_reset_to_wrappers():
     assert env.reset()[1] == twin.reset()[1]
     for beside in ({"seed": 3}, {"options": {"state": state, "variation": 3}}):
         with pytest.raises(
-            InvalidArgumentError, match="=3 is not valid: expected None, as the state"
+            InvalidArgumentError, match="=3 is not valid: expected None with the option 'state'"
         ):
             twin.reset(**{"options": {"state": state}, **beside})
     with pytest.raises(SnapshotError, match="get_state"):

@@ -122,7 +122,7 @@ def test_a_policy_sees_the_observation_of_the_settings(tmp_path):
         ({"task": "fly"}, "task='fly'"),
         ({"variations": ()}, "number of variations=0"),
         ({"variations": (1000,)}, "variation=1000"),
-        ({"variations": (800, 801, 800)}, "each of them once"),
+        ({"variations": (800, 801, 800)}, "distinct values"),
         ({"seeds": (0, 1)}, "seeds=2.*1, as 'zero' is the same policy for every"),
         ({"policy": "run.pt2", "seeds": (0, 1)}, r"seeds=2.*FILE\{seed\}\.pt2"),
         ({"settings": {"split": "train"}}, "settings=.*not 'split'"),

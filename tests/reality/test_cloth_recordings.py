@@ -43,11 +43,11 @@ def test_recordings_come_back_in_the_order_of_their_numbers(tmp_path):
         ("mesh", ",4,", ",5,", r"_mesh.csv, row 1: the field 'field.x16' is missing"),
         ("mesh", "camera,4,", "camera,3,", r"row 2, field 'field.size': 3 is not a whole number"),
         ("mesh", "field.y3", "field.y33", r"row 1: the field 'field.y3' is missing"),
-        ("mesh", "camera", "camera,1", r"row 2: 54 fields, not 53"),
+        ("mesh", "camera", "camera,1", r"row 2: 54 fields, expected 53"),
         ("tcp", "base,0.0", "base,x", r"_tcp.csv, row 2, field 'field.pose.position.x': 'x'"),
         ("tcp", "base,0.0", "base,nan", r"row 2, field 'field.pose.position.x': 'nan' is not a f"),
         ("tcp", "0,0,16", "0,0,26", r"row 3, field 'field.header.stamp': it is earlier"),
-        ("tcp", "base,0.0,-0.4,0.34", "base,0.0,-0.4,0.34,2", r"row 2: 12 fields, not 11"),
+        ("tcp", "base,0.0,-0.4,0.34", "base,0.0,-0.4,0.34,2", r"row 2: 12 fields, expected 11"),
         ("tcp", "orientation.w", "orientation.v", r"the field 'field.pose.orientation.w' is miss"),
     ],
 )

@@ -13,7 +13,7 @@ from softgym_mj.recording import dataset_name, record
 from softgym_mj.recording.noise import disturbance
 
 ROPE, NOISE = {"task": "straighten_rope", "observation": "reduced"}, 0.05
-# The grips of two pickers, by the table of actions in docs/interface.md.
+# Indices of the grips of two pickers, as on the data sheet.
 GRIPS = [3, 7]
 
 

@@ -324,7 +324,7 @@ def test_a_camera_looks_where_it_is_told_to():
     # From straight above, +Y is upwards.
     pose = CameraPose.looking((0.1, 0.2, 1.0), at=(0.1, 0.2, 0.0))
     np.testing.assert_allclose(pose.quaternion, (1.0, 0.0, 0.0, 0.0), atol=1e-12)
-    with pytest.raises(InvalidArgumentError, match="another place than"):
+    with pytest.raises(InvalidArgumentError, match="a point other than position"):
         CameraPose.looking((0.0, 0.0, 1.0), at=(0.0, 0.0, 1.0))
     with pytest.raises(InvalidArgumentError, match=r"field_of_view=180\.0 .*> 0"):
         CameraPose.looking((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), 180.0)

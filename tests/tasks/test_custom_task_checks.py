@@ -76,7 +76,7 @@ BAD_METHODS = [
     (measured(0.5, {}, [1.0]), r"info=\[1.0\].*a dict"),
     (measured(0.5, {}, {"where": np.zeros(3)}), r"info\['where'\]=array.*a number"),
     (measured(0.5, {}, {"performance": 3.0}), "info='performance'.*success, variation"),
-    (measured(0.5, {"a": 0.5}, {"reward_a": 9.0}), "info='reward_a'.*begins with reward_"),
+    (measured(0.5, {"a": 0.5}, {"reward_a": 9.0}), "info='reward_a'.*without the prefix reward_"),
     (measured(0.5, {}, {"picks_held": 5}), r"\['picks_held'\].*without duplicates"),
     ({"diagnostics": lambda self: {"variation": 5}}, r"\['variation'\].*without duplicates"),
     ({"bounds": lambda *_: (0.0, 0.0)}, r"bounds\(\)=\(0.0, 0.0\).*lower < upper"),
@@ -97,10 +97,10 @@ BAD_METHODS = [
     ({"goal": lambda *_: np.zeros(3)}, r"episode.goal=array.*a dict from names to arrays"),
     (measured_from("state.points['clth']"), "state.points='clth'.*did you mean 'cloth'"),
     (measured_from("state.present['']"), "state.present=''.*valid choices: 'cloth'"),
-    (measured_from("state.poses['cup']"), "state.poses='cup'.*there are none here"),
+    (measured_from("state.poses['cup']"), "state.poses='cup'.*because it is empty"),
     (measured_from("episode.points['rope']"), "episode.points='rope'.*'cloth'"),
     (measured_from("episode.shapes['rope']"), "episode.shapes='rope'.*'cloth'"),
-    (measured_from("episode.goal['x']"), "episode.goal='x'.*there are none here"),
+    (measured_from("episode.goal['x']"), "episode.goal='x'.*because it is empty"),
 ]
 
 

@@ -100,7 +100,7 @@ def read_recording(folder: pathlib.Path, name: str) -> Recording:
     stamps, poses = tool.stamps(), tool.poses("field.pose.")
     kept = np.diff(stamps, prepend=-math.inf) > _DISTINCT
     if kept.sum() < _FEWEST_ROWS:
-        raise StoreError(f"{tool.file} has less than {_FEWEST_ROWS} poses of different times")
+        raise StoreError(f"{tool.file} has fewer than {_FEWEST_ROWS} poses at distinct times")
     stamps, poses, begin = stamps[kept], poses[kept], stamps[0]
     return Recording(
         name,
@@ -136,13 +136,13 @@ class _Table:
         try:
             header, *self._rows = list(csv.reader(io.StringIO(content), strict=True)) or [[]]
         except csv.Error as error:
-            raise StoreError(f"{file} is no CSV file: {error}") from error
+            raise StoreError(f"{file} is not a CSV file: {error}") from error
         self._at = {name: i for i, name in enumerate(header)}
         for number, row in enumerate(self._rows, start=2):
             if len(row) != len(header):
-                raise StoreError(f"{file}, row {number}: {len(row)} fields, not {len(header)}")
+                raise StoreError(f"{file}, row {number}: {len(row)} fields, expected {len(header)}")
         if len(self._rows) < fewest:
-            raise StoreError(f"{file} has {len(self._rows)} rows, not {fewest} or more")
+            raise StoreError(f"{file} has {len(self._rows)} rows, expected {fewest} or more")
 
     def numbers(self, fields: Sequence[str], missing: bool = False) -> np.ndarray:
         """Returns values (rows, fields), finite, or NaN if they may be missing."""
@@ -193,5 +193,5 @@ class _Table:
         wrong = np.flatnonzero(np.abs(lengths - 1.0) > _UNIT)
         if len(wrong):
             place = f"{self.file}, row {wrong[0] + 2}, fields '{prefix}orientation.x' to '.w'"
-            raise StoreError(f"{place}: a quaternion of length {lengths[wrong[0]]:.3g}, not 1")
+            raise StoreError(f"{place}: a quaternion of length {lengths[wrong[0]]:.3g}, expected 1")
         return poses

@@ -102,7 +102,9 @@ def scenario_of(
     """
     counted, times, nodes = counted_frames(recording, grip, every)
     if len(counted) < 2:
-        raise StoreError(f"recording {recording.name}: {len(counted)} frames count, not 2 or more")
+        raise StoreError(
+            f"recording {recording.name}: {len(counted)} frames count, expected 2 or more"
+        )
     places, turns = recording.tool(recording.tool_times)
     scenario = Scenario(
         recording.name,

@@ -67,7 +67,9 @@ class CableSolver:
         """
         first, last = scenario.start
         if len(last) != len(self._at):
-            raise InvalidArgumentError("scenario", len(last), f"{len(self._at)} markers")
+            raise InvalidArgumentError(
+                "number of markers in scenario", len(last), f"{len(self._at)}"
+            )
         mujoco.mj_resetData(self._model, self._data)
         positions = CubicSpline(self._at, last)(self._along)
         velocities = CubicSpline(self._at, (last - first) / FRAME_TIME)(self._along)

@@ -117,8 +117,9 @@ def checked(measures: object) -> Measures:
             raise InvalidArgumentError(group, values, "a dict from names to numbers")
     for name in measures.info:
         if not isinstance(name, str) or name in INFO_NAMES or name.startswith(_INFO_PREFIXES):
-            taken = f"{', '.join(sorted(INFO_NAMES))}, or what begins with reward_ or domain_"
-            raise InvalidArgumentError("info", name, f"a name that is not yet in info: {taken}")
+            taken = ", ".join(sorted(INFO_NAMES))
+            valid = f"a name without the prefix reward_ or domain_, and none of {taken}"
+            raise InvalidArgumentError("info", name, valid)
     return Measures(
         _number("performance", measures.performance, finite=True),
         {k: _number(f"rewards[{k!r}]", v, finite=True) for k, v in measures.rewards.items()},

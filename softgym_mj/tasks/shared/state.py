@@ -29,7 +29,7 @@ class Named(dict[str, Any]):
         self._title = title
 
     def __missing__(self, name: object) -> Never:
-        raise InvalidArgumentError(self._title, name, tuple(self) or "no name: there are none here")
+        raise InvalidArgumentError(self._title, name, tuple(self) or "no name, because it is empty")
 
 
 class State(NamedTuple):
