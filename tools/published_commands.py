@@ -16,9 +16,8 @@ def commands() -> str:
         own = [row for row in rows if row.name == name]
         run = next((run for run in queue if _is_of(run, name) and run.is_done(own)), None)
         if run is not None:
-            cells = f"`{name.task}`", name.method, name.observation, name.preset, name.replay
-            found.append(f"| {' | '.join(cells)} | `{run.command}` |")
-    return table("| task | method | observation | preset | replay | command |", found)
+            found.append(f"| `{name.task}` | `{run.command}` |")
+    return table("| task | command |", found)
 
 
 def _is_of(run: QueuedRun, name: Name) -> bool:
