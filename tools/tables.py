@@ -118,11 +118,6 @@ def materials() -> str:
     found = measured("throughput")
     figures: dict[str, tuple[Callable[[dict], float], str]] = {
         "env steps/s": (lambda rates: rates["env_steps_per_second"], ".0f"),
-        **{
-            f"share of that with `{arm}`": (lambda rates, arm=arm: rates["arms"][arm], ".2f")
-            for arm in ARMS
-            if all(arm in rates["arms"] for rates in found["tasks"].values())
-        },
         "128 x 128 images/s": (lambda rates: rates["images_128_per_second"], ".0f"),
     }
     rows = []

@@ -74,10 +74,10 @@ def step_grips(
 ) -> GripState:
     """Returns the state of grippers after a sim step; changes none of its arguments.
 
-    First, grippers whose grip is off release what they hold. All move by their displacement, within
-    the limits. Then, in order, each that is closed and holds nothing takes the vertex nearest to
-    its previous center, within its reach, that no other holds; the first index wins a tie. A
-    gripper that has slipped takes nothing until it has opened.
+    First, grippers whose grip is off release their vertex. All move by their displacement, within
+    the limits. Then, in order, each that is closed and holds nothing grasps the vertex nearest to
+    its previous center, within its reach, that no other holds; the lowest index wins a tie. After a
+    release under load, a gripper grasps nothing until it has opened.
 
     Args:
         state: previous state.

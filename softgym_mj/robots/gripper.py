@@ -190,7 +190,10 @@ class Gripper(BodyActor):
 
     @property
     def remembers(self) -> dict[str, int]:
-        names = {"holds: 1, has slipped: -1": 1, "offset of what it holds (x, y, z) [m]": 3}
+        names = {
+            "grip (1 holds, -1 released under load, else 0)": 1,
+            "position of the held vertex relative to it (x, y, z) [m]": 3,
+        }
         return {
             f"gripper {i}, {name}": size
             for i in range(self.num_grippers)
