@@ -17,6 +17,7 @@ NOTEBOOKS = sorted((pathlib.Path(__file__).parents[2] / "notebooks").glob("*.ipy
 assert NOTEBOOKS
 
 notebooks = pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
+WIDEST = 101  # [characters] Longest line of an output that pages show whole, with its newline.
 TRAINING_STEPS = 160  # Env steps in the test of 07_training, instead of 20,000.
 
 
@@ -60,7 +61,10 @@ def test_committed_outputs_are_small_and_those_of_the_committed_code(file):
         "run `make outputs`"
     )
     assert [cell["execution_count"] for cell in code] == list(range(1, len(code) + 1))
-    assert any("image/jpeg" in out.get("data", ()) for cell in code for out in cell["outputs"])
+    outputs = [output for cell in code for output in cell["outputs"]]
+    assert any("image/jpeg" in output.get("data", ()) for output in outputs)
+    lines = [line for output in outputs for line in output.get("text", ())]
+    assert max(map(len, lines), default=0) <= WIDEST
     assert file.stat().st_size < 300_000
 
 
