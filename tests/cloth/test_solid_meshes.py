@@ -6,6 +6,7 @@ Oracles are shapes of MuJoCo, Coulomb's law, MuJoCo's rays and exact distances t
 import mujoco
 import numpy as np
 import pytest
+import trimesh
 
 from softgym_mj.cloth import solver
 from tests.cloth.flex_scene import (
@@ -13,7 +14,10 @@ from tests.cloth.flex_scene import (
     RADIUS,
     TIMESTEP,
     WOVEN,
+    Flex,
     FlexScene,
+    grid,
+    material_of,
     model_xml,
     rope,
     sheet,
@@ -160,6 +164,56 @@ def test_a_forearm_pushes_a_hanging_cloth(speed):
     assert pushed.positions()[:, 0].max() > 0.1
 
 
+def sleeve(around: int, along: int, spacing: float) -> Flex:
+    """A tube of cloth along X."""
+    angle = 2 * np.pi / around * np.arange(around)
+    ring = (
+        spacing / (2 * np.sin(np.pi / around)) * np.array([0 * angle, np.cos(angle), np.sin(angle)])
+    )
+    x = spacing * (np.arange(along) - (along - 1) / 2)
+    points = (ring.T + x[:, None, None] * np.array([1.0, 0.0, 0.0])).reshape(-1, 3)
+    # The last column of a grid is the first one.
+    row, column = np.divmod(grid(along, around + 1), around + 1)
+    mass = WOVEN.density * spacing**2 * around * (along - 1)
+    return Flex(points, row * around + column % around, mass, material_of(WOVEN), friction=0.5)
+
+
+def test_a_forearm_swings_in_its_sleeve():
+    link = f"""<body gravcomp="1">{MESH.format('mass="2" euler="0 90 0"')}
+        <joint name="slide" type="slide" axis="0 1 0"/><joint name="swing" axis="0 1 0"/></body>"""
+    motors = """<actuator><position joint="slide" kp="4000" kv="200"/>
+        <position joint="swing" kp="200" kv="10"/></actuator>"""
+    swings = scene(
+        sleeve(16, 8, 0.022),
+        scenery=link,
+        extra=mesh_asset(*solid_meshes.forearm()) + motors,
+        option='integrator="implicitfast"',
+    )
+    deepest = 0.0
+    for k in range(150):
+        time = TIMESTEP * k
+        swings.data.ctrl[:] = 0.1 * np.sin(5 * time), 0.3 * np.sin(4 * time)
+        swings.step()
+        if k % 10 == 0:
+            mujoco.mj_kinematics(swings.model, swings.data)
+            mesh = solid_meshes.mesh_in_world(swings.model, swings.data, "solid")
+            deepest = max(deepest, overlap(swings, *mesh))
+    assert 0.0 < deepest < 5e-4
+    assert np.linalg.norm(swings.positions().mean(axis=0) - swings.data.geom("solid").xpos) < 0.03
+
+
+def test_a_rope_stays_on_a_thin_mesh():
+    """A rod of 4 mm radius, onto which it falls from 15 cm."""
+    rod = trimesh.creation.cylinder(0.004, segment=[(0.0, -0.3, 0.0), (0.0, 0.3, 0.0)])
+    falls = scene(
+        rope(straight(41, 0.0125, (-0.25, 0.0, 0.16))),
+        scenery=MESH.format("").replace(".01", "1"),
+        extra=mesh_asset(rod.vertices, rod.faces),
+    )
+    falls.step(60)
+    assert falls.positions()[:, 2].max() > 0.007
+
+
 @pytest.mark.parametrize("thing", ["rope", "cloth"])
 def test_things_lie_on_a_heightfield(thing):
     """Cells of 4 cm with random heights of up to 5 cm."""
@@ -226,23 +280,19 @@ def test_a_mesh_gives_the_same_bits_in_each_run():
     np.testing.assert_array_equal(*ends)
 
 
-BOX = np.array(np.meshgrid(*[(0.0, 0.1)] * 3, indexing="ij")).reshape(3, -1).T
-SIDES = np.array(
-    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
-     [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
-)  # fmt: skip
+BOX = trimesh.creation.box([0.1] * 3)
 
 
 @pytest.mark.parametrize(
     ("vertices", "faces", "expected"),
     [
-        (BOX, SIDES[:-1], "a closed mesh"),
-        (BOX, np.concatenate([SIDES[:-1], SIDES[-1:, ::-1]]), "a closed mesh"),
-        (30 * BOX, SIDES, "a mesh whose box has at most 0.5 m"),
+        (BOX.vertices, BOX.faces[:-1], "a closed mesh"),
+        (BOX.vertices, [*BOX.faces[:-1], BOX.faces[-1, ::-1]], "a closed mesh"),
+        (30 * BOX.vertices, BOX.faces, "a mesh whose box has at most 0.5 m"),
     ],
     ids=["open", "turned", "large"],
 )
 def test_unsuitable_meshes_are_compile_errors(vertices, faces, expected):
-    asset = mesh_asset(vertices, faces).replace("<mesh ", '<mesh inertia="shell" ')
+    asset = mesh_asset(vertices, np.array(faces)).replace("<mesh ", '<mesh inertia="shell" ')
     with pytest.raises(ValueError, match=f'geom "solid" cannot touch a flex: expected {expected}'):
         mujoco.MjModel.from_xml_string(model_xml(sheet(4, 4), scenery=MESH.format(""), extra=asset))
