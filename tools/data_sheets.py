@@ -36,7 +36,7 @@ FOLDER = pathlib.Path(__file__).parent.parent / "docs" / "tasks"
 EXPERTS = FOLDER.parent / "experts.json"
 VARIATION = 800
 
-SCALED = "Entries are in [-1, 1] and scaled to their range. Arms have the same by default:\n"
+SCALED = "Entries in [-1, 1] are scaled to the range; arms have the same by default:\n"
 _LABELS = ("Goal", "Actions", "Observations", "Reward", "Bounds", "Horizon", "Start")
 # What the docstrings repeat of the sheet's tables, and references that other pages have.
 _ELSEWHERE = (

@@ -85,16 +85,14 @@ def planner() -> str:
 
 def long() -> str:
     """Many env steps in a row: rate and memory at first and at last."""
-    found: Mapping[str, Any] = measured("gpu_steps")
-    rows = []
-    for task in (name for name in task_names(DOMAIN) if name in found):
-        own = found[task]
-        rate, memory = own["env_steps_per_s"], own["memory_gb"]
-        cells = f"{own['env_steps']:,}", *(f"{rate[i]:,.0f}" for i in (1, -1))
-        rows.append(f"| `{task}` | {' | '.join(cells)} | {memory[0]:.2f} | {memory[-1]:.2f} |")
-    total = sum(own["env_steps"] for own in found.values())
-    head = "| task | env steps | env steps/s, second tenth | last tenth | GB, first | last |"
-    return f"{table(head, rows)}\n\n{total:,} env steps in all."
+    runs = measured("gpu_steps").values()
+    gains = [run["env_steps_per_s"][-1] / run["env_steps_per_s"][1] for run in runs]
+    growth = max(run["memory_gb"][-1] - run["memory_gb"][0] for run in runs)
+    return (
+        f"{sum(run['env_steps'] for run in runs):,} env steps of {len(runs)} tasks: the last tenth "
+        f"of a run is\n{min(gains):.2f} to {max(gains):.2f} times as fast as its second tenth, and "
+        f"memory grows by {growth:.2f} GB ([figures](gpu_steps.json))."
+    )
 
 
 TABLES: Mapping[str, Callable[[], str]] = {
