@@ -7,6 +7,7 @@ from softgym_mj.envs.load import load
 from softgym_mj.registry import TASKS
 from softgym_mj.rendering.observables import WRIST_RGB
 from softgym_mj.robots.gripper import HELD
+from softgym_mj.robots.pick_and_place import PixelPickAndPlace
 from softgym_mj.tasks import Task
 from softgym_mj.tasks.shared.observations import GOAL_RGB, OBSERVATIONS
 from tools.sheet_entries import (
@@ -34,7 +35,9 @@ of an arm. The [data sheets](tasks/fold_cloth.md#actions) list the actions of pi
 have the same with `action="position"` and [others](robots.md#actions) with `"pose"` and `"joints"`.
 """
 STATES = "States are float64 in dm_env and float32 in Gymnasium.\n"
-PROPRIOCEPTION = "These entries end `reduced` and `full`, except with a cup.\n"
+PROPRIOCEPTION = """These entries end `reduced` and `full`, except with a cup.
+`pixel_pick_and_place` has those of gripper 0 of `picker`, also in `markov`.
+"""
 MARKOV = "`markov` is `reduced`, then the memory of the actor:\n"
 OTHERS = """`cameras` (Gymnasium, with images) is the [calibration](arguments.md#cameras),
 `domain_*` the value of each [domain parameter](domain.md#parameters) that varies, `intersections`
@@ -63,14 +66,15 @@ def named(tasks: set[str]) -> str:
 def actor_tables(part: str) -> Iterator[str]:
     """Tables of "actions", "proprioception" or "markov": one for all actors of the same entries.
 
-    Actions of a task's usual actor are on its data sheet.
+    Actions of a task's usual actor are on its data sheet; `PROPRIOCEPTION` describes those of one
+    picker.
     """
     groups: dict[tuple, dict[str, set[str]]] = {}
     for name, record in TASKS.items():
         actors = {actor: _entries(part, task) for actor, task in actors_of(record).items()}
         usual = next(iter(actors.values())) if part == "actions" else None
         for actor, entries in actors.items():
-            if entries != usual:
+            if entries != usual and (part == "actions" or actor != PixelPickAndPlace.name):
                 groups.setdefault(entries, {}).setdefault(f"`{actor}`", set()).add(name)
     for entries, actors in groups.items():
         tasks = set().union(*actors.values())
