@@ -23,16 +23,54 @@ MOST_REFINED = 2000
 _LEAST_MEMORY, _MEMORY_OF_PAIR = 2**24, 4
 
 
-class Garment(Sheet):
+class MeshSheet(Sheet):
+    """Sheet of any shape, drawn in two colors: the base of `Garment` and `Shirt`.
+
+    Attributes:
+        area: area of all triangles [m^2].
+    """
+
+    def _set_shape(self, points: np.ndarray, triangles: np.ndarray) -> None:
+        """Replaces the mesh by `points` (n, 3) [m] and `triangles` (m, 3)."""
+        memory = _LEAST_MEMORY + _MEMORY_OF_PAIR * len(points) ** 2
+        self._mjcf_root.size.memory = str(memory)
+        corners = points[triangles]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        self.area = float(np.linalg.norm(normals, axis=1).sum() / 2)
+        self._set_mesh(points, triangles)
+
+    def laid(self, center: tuple[float, float] = (0.0, 0.0), angle: float = 0.0) -> np.ndarray:
+        """Returns vertex positions (num_points, 3) [m] in the rest shape, on the floor.
+
+        Args:
+            center: (X, Y) [m] of the middle of its bounding box before rotation.
+            angle: rotation about +Z [rad].
+        """
+        low, high = self._rest_points.min(axis=0), self._rest_points.max(axis=0)
+        upright = self._rest_points - [*(low + high)[:2] / 2, low[2]]
+        return self._turned(upright, center, angle)
+
+    def _mass(self, density: float) -> float:
+        return density * self.area
+
+    def _skin(self, refinement: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        weights, faces = np.eye(self.num_points), self.triangles
+        steps = refinement.bit_length() - 1 if self.num_points <= MOST_REFINED else 0
+        for _ in range(steps):
+            finer, faces = refined(len(weights), faces)
+            weights = product(finer, weights)
+        low, high = self._rest_points.min(axis=0), self._rest_points.max(axis=0)
+        flat = (product(weights, self._rest_points) - low)[:, :2] / max((high - low)[:2])
+        return weights, faces, HEMMED + (1.0 - 2.0 * HEMMED) * flat
+
+
+class Garment(MeshSheet):
     """Sheet with the vertices and triangles of a mesh file, drawn in two colors.
 
     No edge is stretched in the shape of the file; bending forces flatten it. The mesh is repaired
     as in `read_mesh`. Slim triangles, edges of any length, holes, and unconnected parts are
     allowed; a warning names those that limit the simulation. Self-intersections of the file stay
     entangled: `intersections()` counts them.
-
-    Attributes:
-        area: area of all triangles [m^2].
     """
 
     @typed
@@ -65,33 +103,4 @@ class Garment(Sheet):
         defects = mesh_warnings(points, triangles, self._values["thickness"])
         if defects:
             warnings.warn(f"{pathlib.Path(file).name}: {'; '.join(defects)}", stacklevel=2)
-        memory = _LEAST_MEMORY + _MEMORY_OF_PAIR * len(points) ** 2
-        self._mjcf_root.size.memory = str(memory)
-        corners = points[triangles]
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        self.area = float(np.linalg.norm(normals, axis=1).sum() / 2)
-        self._set_mesh(points, triangles)
-
-    def laid(self, center: tuple[float, float] = (0.0, 0.0), angle: float = 0.0) -> np.ndarray:
-        """Returns vertex positions (num_points, 3) [m] in the shape of the file, on the floor.
-
-        Args:
-            center: (X, Y) [m] of the middle of its bounding box before rotation.
-            angle: rotation about +Z [rad].
-        """
-        low, high = self._rest_points.min(axis=0), self._rest_points.max(axis=0)
-        upright = self._rest_points - [*(low + high)[:2] / 2, low[2]]
-        return self._turned(upright, center, angle)
-
-    def _mass(self, density: float) -> float:
-        return density * self.area
-
-    def _skin(self, refinement: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        weights, faces = np.eye(self.num_points), self.triangles
-        steps = refinement.bit_length() - 1 if self.num_points <= MOST_REFINED else 0
-        for _ in range(steps):
-            finer, faces = refined(len(weights), faces)
-            weights = product(finer, weights)
-        low, high = self._rest_points.min(axis=0), self._rest_points.max(axis=0)
-        flat = (product(weights, self._rest_points) - low)[:, :2] / max((high - low)[:2])
-        return weights, faces, HEMMED + (1.0 - 2.0 * HEMMED) * flat
+        self._set_shape(points, triangles)
