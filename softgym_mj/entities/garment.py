@@ -5,6 +5,7 @@ import pathlib
 import warnings
 
 import numpy as np
+from scipy import sparse
 
 from softgym_mj.entities.fabric import Fabric
 from softgym_mj.entities.flex import Color
@@ -58,7 +59,7 @@ class MeshSheet(Sheet):
         steps = refinement.bit_length() - 1 if self.num_points <= MOST_REFINED else 0
         for _ in range(steps):
             finer, faces = refined(len(weights), faces)
-            weights = product(finer, weights)
+            weights = sparse.csr_array(finer) @ weights  # Dense products take gigabytes.
         low, high = self._rest_points.min(axis=0), self._rest_points.max(axis=0)
         flat = (product(weights, self._rest_points) - low)[:, :2] / max((high - low)[:2])
         return weights, faces, HEMMED + (1.0 - 2.0 * HEMMED) * flat
