@@ -151,7 +151,7 @@ VERSIONS: dict[str, int] = {}
 
 # Suites, which are domains of dm_control's: SoftGym's ten tasks with custom ones, and others.
 DOMAIN, PLUS = SUITES = ("softgym", "softgym_plus")
-_BEYOND = ("hang_cloth", "route_cable")  # Tasks beyond SoftGym.
+_BEYOND = ("fold_shirt", "hang_cloth", "route_cable")  # Tasks beyond SoftGym.
 
 # Each file has a class of the same name; the tasks beyond SoftGym come last.
 _FILES = pkgutil.iter_modules([str(pathlib.Path(__file__).parent / "tasks")])

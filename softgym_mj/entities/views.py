@@ -135,6 +135,10 @@ FRAMED = {
         ((-1.316, -0.365, 0.972), (0.31, 0.071, 0.0), 30.0),
         ((-1.332, 0.032, 1.091), (0.226, 0.032, 0.0), 30.0),
     ),
+    "fold_shirt": (
+        ((-0.83, 0.0, 1.83), (0.0, 0.0, 0.0), 30.0),
+        ((-1.322, 0.024, 1.723), (0.124, 0.024, 0.0), 30.0),
+    ),
     "hang_cloth": (
         ((1.1, -1.0, 0.9), (0.0, 0.0, 0.12), 30.0),
         ((1.4, -1.2, 1.1), (0.0, 0.0, 0.15), 30.0),
@@ -187,6 +191,7 @@ _OTHERS: Mapping[str, Mapping[str, Any]] = {
     "route_cable": _ROPES,
     "fold_cloth": _FOLDED,
     "fold_crumpled_cloth": _FOLDED,
+    "fold_shirt": _FOLDED,
     "hang_cloth": {"target": (0.0, 0.0, 0.2), "radius": 0.65},
     "spread_cloth": {"target": (-0.05, 0.0, 0.2), "radius": 0.8},
     "drop_cloth": _HANGING,

@@ -6,6 +6,7 @@ from softgym_mj.tasks.drop_cloth import DropCloth
 from softgym_mj.tasks.drop_fold_cloth import DropFoldCloth
 from softgym_mj.tasks.fold_cloth import FoldCloth
 from softgym_mj.tasks.fold_crumpled_cloth import FoldCrumpledCloth
+from softgym_mj.tasks.fold_shirt import FoldShirt
 from softgym_mj.tasks.hang_cloth import HangCloth
 from softgym_mj.tasks.pour_water import PourWater
 from softgym_mj.tasks.pour_water_amount import PourWaterAmount
@@ -28,6 +29,7 @@ __all__ = [
     "Episode",
     "FoldCloth",
     "FoldCrumpledCloth",
+    "FoldShirt",
     "HangCloth",
     "Measures",
     "PourWater",

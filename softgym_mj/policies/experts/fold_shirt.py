@@ -1,0 +1,71 @@
+"""Expert of FoldShirt: folds each sleeve in by the ends of its cuff, then the hem over by its ends.
+
+Both grippers carry together what they hold, in half circles.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from softgym_mj.policies.experts.cloth_expert import TRAVEL_HEIGHT, ClothExpert
+from softgym_mj.policies.experts.picker_expert import ARRIVED, OPEN, PASSED
+from softgym_mj.tasks.fold_shirt import folded, with_sleeves_in
+
+ARC = 8  # Points of a half circle.
+# [m] Distance before its place at which a vertex is released, as the bend takes up length, and
+# height above the layers below.
+SHORT, LANDING = 0.005, 0.01
+SPEED = 0.5  # Fraction of full speed.
+WAITING = 2  # Env steps for layers to come to rest before and after a release.
+TRIALS = 2  # Grasps of a vertex.
+LAYERS = 4  # Layers below what is folded over, at least.
+
+
+class FoldShirt(ClothExpert):
+    """Carries ends of cuffs and of the hem to their places."""
+
+    brakes = True
+
+    def _steps(self, a: int, b: int) -> int:
+        spacing = float(np.median(self._target.rest_lengths))
+        return round(self._target.mesh_distances.between(a, b) / spacing)
+
+    def _episode(self) -> Iterator[np.ndarray]:
+        shape, flat = self._target.arrays, self._env.task.episode.points["shirt"][:, :2]
+        keys = shape["keys"].tolist()
+        with_sleeves = with_sleeves_in(flat, shape)
+        for ends in (keys[1:3], keys[8:10]):
+            yield from self._fold(ends, with_sleeves)
+        yield from self._fold([keys[0], keys[-1]], folded(flat, shape))
+
+    def _fold(self, ends: Sequence[int], places: np.ndarray) -> Iterator[np.ndarray]:
+        """Carries two vertices to their `places` (n, 2) [m] and releases them.
+
+        A vertex that is grasped instead is carried to its own place.
+        """
+        targets, grips = dict(enumerate(self._matched(ends))), [False, False]
+        for _ in range(TRIALS):
+            left = {i: vertex for i, vertex in targets.items() if not grips[i]}
+            if left:
+                yield from self._take(left, grips)
+        start, goals = self._actor.positions(), self._actor.positions()
+        for i in np.flatnonzero(grips):
+            held = int(self._actor.held[i])
+            at, (x, y) = self._target.vertex(held), places[held]
+            way = np.array([x, y, LAYERS * 2.0 * self._target.radius + LANDING]) - at
+            goals[i] += way - SHORT * way / math.hypot(*way[:2])
+        yield from self._swing(start, goals, grips)
+        for grip in (grips, OPEN):
+            for _ in range(WAITING):
+                yield self._rest(grip)
+        yield from self._move(self._raised(TRAVEL_HEIGHT), OPEN, SPEED)
+
+    def _swing(self, start: np.ndarray, goals: np.ndarray, grips) -> Iterator[np.ndarray]:
+        """Moves the grippers from `start` to `goals` (2, 3) [m] in half circles."""
+        middle, half = (start + goals) / 2, (goals - start) / 2
+        for angle in np.linspace(0.0, np.pi, ARC)[1:]:
+            way = middle - math.cos(angle) * half
+            way[:, 2] += math.sin(angle) * np.linalg.norm(half[:, :2], axis=1)
+            near = ARRIVED if angle == np.pi else PASSED / 2
+            yield from self._move(way, grips, SPEED, near)

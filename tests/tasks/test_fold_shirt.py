@@ -1,0 +1,138 @@
+"""The task fold_shirt: places of a folded shirt, its score, its starts and its expert."""
+
+import numpy as np
+import pytest
+
+import softgym_mj
+from softgym_mj.entities.shirt import KEYS, Cut, Shirt
+from softgym_mj.exceptions import InvalidArgumentError, SnapshotError
+from softgym_mj.policies.factory import make_policy
+from softgym_mj.tasks.fold_shirt import STACK, FoldShirt, folded, with_sleeves_in
+from softgym_mj.tasks.shared.starts.shirts import CUTS, FlatShirt
+from softgym_mj.variations.indices import SPLITS
+
+SHORT, LONG = 811, 806  # Variations with short and long sleeves.
+
+
+@pytest.fixture(scope="module")
+def env():
+    env = softgym_mj.load("fold_shirt", split="evaluate", fidelity="fast")
+    env.reset(LONG)
+    return env
+
+
+def measured(env, points):
+    """Measures of the shirt with its vertices at points (n, 3) [m]."""
+    task = env.task
+    return task.measure(task.state()._replace(points={"shirt": points}), task.episode)
+
+
+@pytest.mark.parametrize("sleeve", [0.15, 0.4])
+@pytest.mark.parametrize("angle", [0.0, 0.7])
+def test_places_are_mirror_images_about_armholes_and_the_middle(sleeve, angle):
+    cut = Cut(sleeve=sleeve, sleeve_angle=0.7)
+    shirt = Shirt(cut)
+    # The pattern's own frame: X from the middle, Y from the hem.
+    x, y = (shirt.laid() - shirt.laid()[shirt.keys[[0, -1]]].mean(axis=0))[:, :2].T
+    is_sleeve = (abs(x) > cut.chest + 1e-9) & (y > cut.armpit - cut.sleeve)
+    x = np.where(is_sleeve & (shirt.arrays["body"] == 0.0), np.sign(x) * 2 * cut.chest - x, x)
+    shoulders = cut.length - cut.shoulder_drop
+    sleeves_in = np.column_stack([x, y])
+    expected = np.column_stack([x, np.maximum(y, shoulders - y)])
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    flat = shirt.laid((0.3, -0.2), angle)[:, :2]
+    origin = flat[shirt.keys[[0, -1]]].mean(axis=0)
+    found = with_sleeves_in(flat, shirt.arrays)
+    np.testing.assert_allclose(found, sleeves_in @ turn + origin, atol=1e-9)
+    np.testing.assert_allclose(folded(flat, shirt.arrays), expected @ turn + origin, atol=1e-9)
+
+
+def test_a_folded_shirt_scores_the_upper_bound_and_a_flat_one_the_lower(env):
+    task, radius = env.task, env.task.shirt.radius
+    places = task.episode.goal["places"]
+    lower, upper = task.bounds(task.episode)
+    flat = np.column_stack([places, np.full(len(places), radius)])
+    assert measured(env, flat).performance == upper == 0.0
+    assert measured(env, task.episode.points["shirt"]).performance == lower < -0.1
+    # A stack has its height, a shirt in the air lies nowhere.
+    assert measured(env, flat + [0.0, 0.0, STACK - radius]).performance == 0.0
+    high = measured(env, flat + [0.0, 0.0, STACK + 0.1 - radius])
+    assert high.performance == pytest.approx(-0.1)
+
+
+def test_terms_are_shares_of_the_mean_distance_over_the_area(env):
+    episode, shape = env.task.episode, env.task.shirt.arrays
+    flat = episode.points["shirt"]
+    start, corners = measured(env, flat), flat[env.task.shirt.triangles]
+    areas = np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
+    away = np.linalg.norm(flat[:, :2] - episode.goal["places"], axis=1)
+    means = away[env.task.shirt.triangles].mean(axis=1)
+    assert start.performance == pytest.approx(-np.average(means, weights=areas), rel=1e-3)
+    assert start.performance == sum(start.rewards.values())
+    in_place = flat.copy()
+    own = shape["body"] == 0.0
+    in_place[own, :2] = episode.goal["places"][own]
+    rewards = measured(env, in_place).rewards
+    assert rewards["sleeve_distance"] > 0.1 * start.rewards["sleeve_distance"]
+    assert rewards["body_distance"] == start.rewards["body_distance"]
+
+
+@pytest.mark.parametrize("variation", [SHORT, LONG])
+def test_shirts_start_at_rest_and_doing_nothing_scores_nothing(env, variation):
+    env.reset(variation)
+    before, zero = env.task.shirt.points(), np.zeros(env.action_spec().shape)
+    for _ in range(5):
+        env.step(zero)
+    assert abs(env.task.shirt.points() - before).max() < 1e-3
+    assert abs(env.info()["normalized_performance"]) < 2e-3
+    assert env.task.shirt.intersections() == 0
+    keys = dict(zip(KEYS, before[env.task.shirt.keys], strict=True))
+    assert keys["collar"][0] > keys["left hem"][0] and keys["left cuff, outer end"][1] < 0.0
+
+
+def test_cuts_of_each_category_and_those_that_no_training_variation_has():
+    cuts = {name: [FlatShirt(cuts=name).cut(v) for v in SPLITS["all"]] for name in CUTS}
+    sleeves = np.array([cut.sleeve for cut in cuts["usual"]])
+    short = sleeves < 0.21
+    assert 0.4 < short.mean() < 0.6 and sleeves[~short].min() > 0.32
+    for name in ("length", "flare", "waist"):
+        usual, unseen = ([getattr(cut, name) for cut in cuts[key]] for key in CUTS)
+        assert max(usual) < min(unseen)
+    # Sleeves end on the shirt when they are folded in.
+    for cut in cuts["usual"]:
+        sine, cosine = np.sin(cut.sleeve_angle), np.cos(cut.sleeve_angle)
+        lowest = cut.armpit + cut.armhole / 2 - cut.sleeve * sine - cut.cuff / 2 * cosine
+        assert lowest > 0.0 and cut.sleeve * cosine + cut.cuff / 2 * sine < 2 * cut.chest
+    with pytest.raises(InvalidArgumentError, match="cuts"):
+        FoldShirt(cuts="trousers")
+
+
+def play(variation, **settings):
+    env = softgym_mj.load("fold_shirt", split="all", count_intersections=True, **settings)
+    timestep = env.reset(variation)
+    policy = make_policy("scripted", env)
+    while not timestep.last():
+        timestep = env.step(policy(timestep))
+    return env
+
+
+@pytest.mark.parametrize(
+    ("variation", "cuts"), [(SHORT, "usual"), (LONG, "usual"), (SHORT, "unseen")]
+)
+def test_the_expert_folds_shirts_and_dresses_without_crossing_layers(variation, cuts):
+    env = play(variation, cuts=cuts)
+    assert env.info()["normalized_performance"] > 0.8
+    assert env.info()["intersections"] == 0
+    assert max(env.task.actor.held) < 0
+    assert env.task.shirt.points()[:, 2].max() < STACK
+    if cuts == "unseen":
+        with pytest.raises(SnapshotError, match="cuts"):
+            softgym_mj.load("fold_shirt", split="all").set_state(env.get_state())
+
+
+def test_arms_fold_a_shirt():
+    env = play(SHORT, actor="franka", fidelity="fast")
+    assert env.info()["normalized_performance"] > 0.6
+    assert env.info()["picks_held"] == 0
