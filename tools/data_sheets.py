@@ -129,7 +129,8 @@ def info(env: Environment) -> str:
     for key in own_keys(env):
         keys[not key.startswith("reward_")].append(f"`{key}`")
     terms, others = map(", ".join, keys)
-    return f"Terms of the reward: {terms}. [Keys of info](../interface.md#info): {others}.\n"
+    more = f" [Keys of info](../interface.md#info): {others}." if others else ""
+    return f"Terms of the reward: {terms}.{more}\n"
 
 
 def sheet(name: str) -> str:
