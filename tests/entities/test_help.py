@@ -9,11 +9,12 @@ from softgym_mj.entities.cloth import Cloth
 from softgym_mj.entities.cup import Cup
 from softgym_mj.entities.garment import Garment
 from softgym_mj.entities.rope import Rope
+from softgym_mj.entities.shirt import Shirt
 from softgym_mj.robots.pick_and_place import PickAndPlace
 from softgym_mj.robots.picker import Picker
 
 
-@pytest.mark.parametrize("entity", [Cloth, Cup, Garment, Rope])
+@pytest.mark.parametrize("entity", [Cloth, Cup, Garment, Rope, Shirt])
 def test_it_shows_what_building_takes(entity):
     _, *built = inspect.signature(entity._build).parameters.values()
     assert [*inspect.signature(entity).parameters.values()] == built
