@@ -15,7 +15,7 @@ from softgym_mj.tasks.shared.entries import Entries, points
 from softgym_mj.tasks.shared.settings import ClothTaskSettings
 from softgym_mj.tasks.shared.starts.shirts import CUTS, FlatShirt
 from softgym_mj.tasks.shared.state import Episode, State
-from softgym_mj.tasks.shared.symmetry import anywhere
+from softgym_mj.tasks.shared.symmetry import two_sided
 
 STACK = 0.1  # [m] Height up to which a vertex may lie over its place: loose stacks have 9 cm.
 
@@ -45,7 +45,7 @@ class FoldShirt(Task):
     success = 0.9  # Our choice; a shirt folded but for its sleeves has at most 0.88.
     workspace = Workspace((-0.85, -0.85, 0.0), (0.85, 0.85, 0.5))
     reset_height, view = 0.1, "fold_shirt"
-    symmetries = anywhere("same", "reversed")
+    symmetries = two_sided()
 
     def __init__(
         self,

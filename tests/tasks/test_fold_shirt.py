@@ -1,13 +1,17 @@
 """The task fold_shirt: places of a folded shirt, its score, its starts and its expert."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 import softgym_mj
 from softgym_mj.entities.shirt import KEYS, Cut, Shirt
 from softgym_mj.exceptions import InvalidArgumentError, SnapshotError
+from softgym_mj.learning.symmetries import symmetries
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.tasks.fold_shirt import STACK, FoldShirt, folded, with_sleeves_in
+from softgym_mj.tasks.shared.observations import STATES
 from softgym_mj.tasks.shared.starts.shirts import CUTS, FlatShirt
 from softgym_mj.variations.indices import SPLITS
 
@@ -107,6 +111,32 @@ def test_cuts_of_each_category_and_those_that_no_training_variation_has():
         assert lowest > 0.0 and cut.sleeve * cosine + cut.cuff / 2 * sine < 2 * cut.chest
     with pytest.raises(InvalidArgumentError, match="cuts"):
         FoldShirt(cuts="trousers")
+
+
+def test_symmetries_keep_the_score_and_move_the_observation(env):
+    task, shirt = env.task, env.task.shirt
+    env.reset(LONG)
+    rest = shirt.laid()
+    apart = np.linalg.norm(rest[:, None] * [-1.0, 1.0, 1.0] - rest, axis=2)
+    partner = apart.argmin(axis=1)  # The same vertex of the other side.
+    flat = task.episode.points["shirt"]
+    points = flat + np.random.default_rng(0).normal(0.0, 0.05, flat.shape)
+    state = task.state()._replace(points={"shirt": points})
+    expected = task.measure(state, task.episode).performance
+    seen = STATES["reduced"].value(task, state, task.episode)
+    found = symmetries(env)
+    assert len(found) == 16
+    for turn in found:
+        order = partner if turn.order == "reversed" else np.arange(len(partner))
+        moved, start = (each[order] @ turn.turn.T for each in (points, flat))
+        sensed = state.sensed.reshape(2, 3)[list(turn.pickers)] @ turn.turn.T
+        other = state._replace(points={"shirt": moved}, sensed=sensed.ravel())
+        goal = {"places": folded(start[:, :2], shirt.arrays)}
+        episode = dataclasses.replace(task.episode, goal=goal)
+        assert task.measure(other, episode).performance == pytest.approx(expected, rel=1e-6)
+        np.testing.assert_allclose(
+            STATES["reduced"].value(task, other, episode), turn.observation @ seen, atol=1e-9
+        )
 
 
 def play(variation, **settings):

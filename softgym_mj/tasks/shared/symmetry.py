@@ -29,6 +29,9 @@ class Turned(NamedTuple):
 
 
 _SAME, _MIRROR = np.eye(3), np.diag([1.0, -1.0, 1.0])  # The latter reflects across the XZ plane.
+_QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+_ROTATIONS = [np.linalg.matrix_power(_QUARTER, k) for k in range(4)]
+_REFLECTIONS = [turn @ _MIRROR for turn in _ROTATIONS]
 
 
 def anywhere(*orders: str) -> tuple[Turned, ...]:
@@ -41,10 +44,20 @@ def anywhere(*orders: str) -> tuple[Turned, ...]:
     """
     for order in orders:
         check_name("order", order, ORDERS)
-    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    turns = [np.linalg.matrix_power(quarter, k) for k in range(4)]
-    turns += [turn @ _MIRROR for turn in turns]
+    turns = [*_ROTATIONS, *_REFLECTIONS]
     return tuple(Turned(turn, order) for turn, order in itertools.product(turns, orders))
+
+
+def two_sided() -> tuple[Turned, ...]:
+    """Returns rotations by right angles about Z, and their reflections with points reversed.
+
+    They suit an object whose points are mirror images in reversed order, such as the key points of
+    a shirt, with a goal that has no fixed place in the world.
+    """
+    return (
+        *(Turned(turn) for turn in _ROTATIONS),
+        *(Turned(turn, "reversed") for turn in _REFLECTIONS),
+    )
 
 
 def mirrored(order: str = "same") -> tuple[Turned, ...]:
