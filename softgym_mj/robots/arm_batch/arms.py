@@ -15,7 +15,14 @@ from softgym_mj.robots.arm.joint_servos import SOLVE_EVERY
 from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.arm.mounts import Mount
 from softgym_mj.robots.arm.position_action import PositionAction
-from softgym_mj.robots.arm_batch import dynamics, hands, inverse_kinematics
+from softgym_mj.robots.arm_batch import (
+    clearance,
+    contacts,
+    dynamics,
+    hands,
+    inverse_kinematics,
+    models,
+)
 from softgym_mj.robots.arm_batch.chain import Pose
 from softgym_mj.robots.arm_batch.leads import LEADS
 from softgym_mj.robots.arm_batch.led_arms import LedArms
@@ -73,6 +80,7 @@ class ArmBatch(LedArms):
             kinematics = inverse_kinematics.kinematics_of(arm, tuple(mounts), tips)
             super().__init__(arm, kinematics, LEADS[action](arm, kinematics), timestep)
         self._grasp, self._solids = grasp, hands.solids_of(arm, grasp)
+        self._shapes = clearance.shapes_of(*models.solid_model(arm, grasp))
         self._parts = round(SIM_STEP / timestep)
         self._step = jax.jit(jax.vmap(self._env_step, (0, 0, None), (0, 1)), static_argnums=2)
 
@@ -174,7 +182,12 @@ class ArmBatch(LedArms):
         return state, pose, solids
 
     def _part(
-        self, state: ArmState, pose: Pose, phase: jax.Array
+        self,
+        state: ArmState,
+        pose: Pose,
+        phase: jax.Array,
+        fixed: contacts.Fixed | None = None,
+        touches: jax.Array | None = None,
     ) -> tuple[ArmState, jax.Array, hands.SolidSteps]:
         """Returns the state after a physics step, the arms' inertia, and the motion of solids.
 
@@ -182,10 +195,20 @@ class ArmBatch(LedArms):
             state: state of the arms.
             pose: their pose.
             phase: sim steps from the last solution to the end of the physics step.
+            fixed: fixed solids.
+            touches: which solids of hands touch them (n, k) bool.
         """
         arm, arms, command = self._dynamics, self.kinematics, self._commands(state, phase)
-        positions, speeds, inertia = jax.vmap(functools.partial(dynamics.step, arm))(
-            pose, state.positions, state.speeds, command
+
+        def step(pose, positions, speeds, command, base, yaw, touches):
+            met = None
+            if fixed is not None:
+                place = base, yaw
+                met = contacts.contacts(arm.chain, self._shapes, fixed, pose, place, touches)
+            return dynamics.step(arm, pose, positions, speeds, command, contacts=met)
+
+        positions, speeds, inertia = jax.vmap(step)(
+            pose, state.positions, state.speeds, command, arms.base, arms.yaw, touches
         )
         solids = jax.vmap(functools.partial(hands.steps, arm, self._solids))(
             pose, state.speeds, speeds, arms.base, arms.yaw

@@ -112,8 +112,7 @@ def nearest(
     other = _Core(*second_pose, second.core, second.is_round[:, None])
     start, end = _between(one, other)
     # Nearest points of two segments are exact already.
-    thick = [shapes.core[:, :2].max(1) > 0.0 for shapes in (first, second)]
-    i, j = np.nonzero(thick[0][:, None] | thick[1])
+    i, j = np.nonzero(_are_thick(first)[:, None] | _are_thick(second))
     one = _Core(*(each[i] for each in (*first_pose, first.core, first.is_round[:, None])))
     other = _Core(*(each[j] for each in (*second_pose, second.core, second.is_round[:, None])))
 
@@ -132,6 +131,12 @@ def nearest(
         normal,
         distance - first.radius[:, None] - second.radius,
     )
+
+
+def _are_thick(shapes: Shapes) -> np.ndarray:
+    """Returns which cores (k,) are no segments; all, if they are not constants."""
+    core = shapes.core
+    return core[:, :2].max(1) > 0.0 if isinstance(core, np.ndarray) else np.ones(len(core), bool)
 
 
 class _Core(NamedTuple):

@@ -1,10 +1,10 @@
-"""Soft constraints of an arm: the coupling of its two fingers and the limits of its joints.
+"""Soft constraints of an arm: the coupling of its fingers, limits of its joints, and contacts.
 
 The formulas are those of MuJoCo's integrator "discrete": a row with the reference acceleration a_r
 exerts the force D (a_r - J a), implicit in the acceleration a. Limits push but do not pull.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -34,6 +34,23 @@ class Rows(NamedTuple):
     time: np.ndarray
     ratio: np.ndarray
     impedance: np.ndarray
+
+
+class Contacts(NamedTuple):
+    """Further rows, which only push: edges of friction cones of r / 4 contacts.
+
+    Attributes:
+        jacobian: derivatives of gaps by the joints (r, m).
+        position: gaps (r,) [m]; infinite where nothing touches.
+        inverse, time, ratio, impedance: as in `Rows` (r,), (r,), (r,), (r, 5).
+    """
+
+    jacobian: jax.Array
+    position: jax.Array
+    inverse: jax.Array
+    time: jax.Array
+    ratio: jax.Array
+    impedance: jax.Array
 
 
 class Active(NamedTuple):
@@ -87,6 +104,7 @@ def evaluate(
     speeds: jax.Array,
     inertia: jax.Array,
     metric: jax.Array,
+    contacts: Contacts | None = None,
 ) -> Active:
     """Returns the rows in a state.
 
@@ -96,19 +114,24 @@ def evaluate(
         angles, speeds: positions (m,) and speeds (m,) of the joints.
         inertia, metric: diagonals (m,) of the mass matrix and of the matrix that is implicit in
             servos.
+        contacts: rows that follow those of `rows`.
     """
     above, below = angles - rows.low, rows.high - angles
     side = jnp.where(above < below, 1.0, -1.0)
     jacobian = jnp.vstack([rows.coupling, jnp.diag(side)])
     coupled = (rows.coupling * (angles - rows.zero)).sum()
     position = jnp.append(coupled, jnp.minimum(above, below))
+    each: list[Any] = [jacobian, position, rows.inverse, rows.time, rows.ratio, rows.impedance]
+    if contacts is not None:
+        each = [jnp.concatenate(pair) for pair in zip(each, contacts, strict=True)]
+    jacobian, position, inverse, time, ratio, parameters = each
     speed = (jacobian * speeds).sum(-1)
-    is_limit = np.arange(len(rows.time)) > 0
+    is_limit = np.arange(len(position)) > 0
 
-    impedance = _impedance(rows.impedance, jnp.abs(position))
-    widest = np.clip(rows.impedance[:, 1], LEAST, MOST)
-    spring = 1.0 / (widest * rows.time * rows.ratio) ** 2
-    damper = 2.0 / (widest * rows.time)
+    impedance = _impedance(parameters, jnp.abs(position))
+    widest = jnp.clip(parameters[:, 1], LEAST, MOST)
+    spring = 1.0 / (widest * time * ratio) ** 2
+    damper = 2.0 / (widest * time)
     # A limit that is too stiff for the step gets the stiffest row without restitution.
     excess = step**2 * spring * impedance
     most = MOST * (1.0 - impedance) / (impedance * (1.0 - MOST))
@@ -119,25 +142,27 @@ def evaluate(
 
     factor = 1.0 + step * damper + step**2 * spring * impedance
     softness = jnp.maximum(
-        (1.0 - impedance) * rows.inverse / impedance / factor, (1.0 - MOST) * rows.inverse / MOST
+        (1.0 - impedance) * inverse / impedance / factor, (1.0 - MOST) * inverse / MOST
     )
     squares = jacobian**2
     softness *= (squares / metric).sum(-1) / (squares / inertia).sum(-1)
     pull = spring * impedance * position + (damper + step * spring * impedance) * speed
     reached = ~is_limit | (position < 0.0)
+    # Rows that nothing reaches have no numbers: their gaps may be infinite.
+    pull = jnp.where(reached, pull, 0.0)
     return Active(jacobian, -pull / factor, jnp.where(reached, 1.0 / softness, 0.0))
 
 
-def _impedance(parameters: np.ndarray, distance: jax.Array) -> jax.Array:
+def _impedance(parameters: Any, distance: jax.Array) -> jax.Array:
     """Returns the impedance of rows with parameters (n, 5) at distances (n,)."""
-    low, high = np.clip(parameters[:, :2], LEAST, MOST).T
+    low, high = jnp.clip(parameters[:, :2], LEAST, MOST).T
     width, middle, power = (
         parameters[:, 2],
-        np.clip(parameters[:, 3], LEAST, MOST),
+        jnp.clip(parameters[:, 3], LEAST, MOST),
         parameters[:, 4],
     )
-    power = np.maximum(power, 1.0)
-    x = jnp.clip(distance / np.maximum(width, mujoco.mjMINVAL), 0.0, 1.0)
+    power = jnp.maximum(power, 1.0)
+    x = jnp.clip(distance / jnp.maximum(width, mujoco.mjMINVAL), 0.0, 1.0)
     rising = x**power / middle ** (power - 1.0)
     falling = 1.0 - (1.0 - x) ** power / (1.0 - middle) ** (power - 1.0)
     return low + jnp.where(x <= middle, rising, falling) * (high - low)

@@ -130,6 +130,7 @@ def step(
     speeds: jax.Array,
     commands: jax.Array,
     push: jax.Array | float = 0.0,
+    contacts: constraints.Contacts | None = None,
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Returns joint positions and speeds after a physics step, and the inertia (m, m) in it.
 
@@ -141,6 +142,7 @@ def step(
         angles, speeds: positions (m,) [rad or m] and speeds (m,) of the joints.
         commands: commanded positions (m,) [rad or m].
         push: further forces (m,) [N m or N].
+        contacts: contacts with fixed solids.
     """
     h, servos = arm.timestep, arm.servos
     mass, bias = mass_and_bias(arm, pose, speeds)
@@ -152,7 +154,8 @@ def step(
     metric = mass + jnp.diag(implicit + h * arm.damping)
     force -= bias + arm.damping * speeds + jnp.where(free, h * servos.stiffness, 0.0) * speeds
     force += push
-    rows = constraints.evaluate(arm.rows, h, angles, speeds, jnp.diag(mass), jnp.diag(metric))
+    diagonals = jnp.diag(mass), jnp.diag(metric)
+    rows = constraints.evaluate(arm.rows, h, angles, speeds, *diagonals, contacts)
 
     def change(_, found):
         acting = constraints.pushes(rows, found)

@@ -10,7 +10,7 @@ import numpy as np
 
 from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.arm.mounts import Mount
-from softgym_mj.robots.arm_batch import commands, hands, inverse_kinematics
+from softgym_mj.robots.arm_batch import commands, contacts, hands, inverse_kinematics
 from softgym_mj.robots.arm_batch.arms import ArmBatch
 from softgym_mj.robots.arm_batch.state import ArmState
 from softgym_mj.robots.base import SIM_STEP
@@ -85,7 +85,7 @@ class PushedArms(ArmBatch):
         super().__init__(arm, mounts, SIM_STEP, action, grasp)
         self.is_pad = self._solids.is_pad
         self.solve = jax.jit(jax.vmap(self._solved))
-        self.step_alone = jax.jit(jax.vmap(self._alone, (0, 0, 0, None)))
+        self.step_alone = jax.jit(jax.vmap(self._alone, (0, 0, 0, 0, 0, None)))
         self.finish = jax.jit(jax.vmap(self._finished))
 
     def no_push(self, number: int, device: jax.Device) -> Push:
@@ -103,7 +103,13 @@ class PushedArms(ArmBatch):
         return self._solve(state, entries)
 
     def _alone(
-        self, state: ArmState, push: Push, action: jax.Array, phase: jax.Array
+        self,
+        state: ArmState,
+        push: Push,
+        action: jax.Array,
+        fixed: contacts.Fixed | None,
+        solid: jax.Array,
+        phase: jax.Array,
     ) -> tuple[ArmState, Push, Hands]:
         """Applies the push of the last step, then steps the arms without the object.
 
@@ -111,6 +117,8 @@ class PushedArms(ArmBatch):
             state: arms after the last step without its push.
             push: push in the last step.
             action: action of the env step.
+            fixed: fixed solids, if there are any.
+            solid: whether the pads of each hand touch anything (n,).
             phase: sim steps since the last solution.
 
         Returns:
@@ -120,7 +128,8 @@ class PushedArms(ArmBatch):
         state = self._lead(_pushed(state, push), entries, phase > 0)
         pose, before = self._poses(state.positions), state.fingers
         state = self._gripped(state, closed)
-        later, inertia, solids = self._part(state, pose, phase + 1.0)
+        touches = solid[:, None] | ~self.is_pad
+        later, inertia, solids = self._part(state, pose, phase + 1.0, fixed, touches)
         jacobians = jax.vmap(functools.partial(hands.jacobians, arm, self._solids))(
             pose, self.kinematics.yaw
         )
