@@ -64,6 +64,8 @@ class Bodies:
             poses.append([*data.geom_xpos[geom], *turn])
             velocities.append(_sum(columns, before))
             accelerations.append(_sum(columns, change))
+            if not columns:  # It is fixed.
+                continue
             for dof, column in columns.items():
                 jacobians[k, :, dof - self.dofs[k][0]] = column
             count, factor = len(self.dofs[k]), self._factor(self.dofs[k])

@@ -58,9 +58,35 @@ def test_a_snapshot_of_a_hanging_towel_continues_anywhere(episodes):
     envs.close()
 
 
-def test_arms_are_refused():
-    with pytest.raises(InvalidArgumentError, match="fixed solids"):
-        softgym_mj.make_vec("hang_cloth", 2, device="host", actor="franka")
+@pytest.mark.long  # JAX compiles for some seconds.
+@pytest.mark.parametrize("arms", [1, 2])
+def test_hands_meet_the_bar_as_in_environments(arms):
+    pytest.importorskip("jax", reason="needs the extra gpu-arms")
+    settings = {**SETTINGS, "observation": "proprioception", "actor": "franka", "arms": arms}
+    envs, env = (
+        softgym_mj.make_vec("hang_cloth", 2, device="host", **settings),
+        SoftGymEnv("hang_cloth", **settings),
+    )
+    envs.reset(seed=0, options={"variation": VARIATIONS})
+    env.reset(options={"variation": VARIATIONS[1]})
+    actor, found, behind = env.dm_env.task.actor, [], []
+    for k in range(12):
+        # The hands press on the bar, slide along it and rise.
+        action = np.tile([0.4, 0.1, -0.5 if k < 3 else 0.6, -1.0], arms).astype(np.float32)
+        sensed, _, *_, infos = envs.step(np.stack([action] * 2))
+        expected, *_ = env.step(action)
+        found.append(np.abs(sensed[1] - expected)[: 3 * arms].max())
+        behind.append(np.abs(actor.positions() - actor.commanded_positions()).max())
+    assert max(behind) > 0.08  # [m] The bar stops them.
+    assert max(found) < 3e-3  # [m] Tool points while they touch: contact is approximate.
+    assert found[-1] < 1e-4
+    assert infos["physics_warnings"][1] == 0
+    envs.close()
+
+
+def test_arms_are_refused_among_boxes():
+    with pytest.raises(InvalidArgumentError, match=r"fixed solids.*jaw_0"):
+        softgym_mj.make_vec("route_cable", 2, device="host", actor="franka")
 
 
 def test_pickers_pass_through_the_bar_and_its_posts():

@@ -19,6 +19,7 @@ from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.arm.mounts import Mount
 from softgym_mj.robots.arm_batch import models
 from softgym_mj.robots.arm_batch.arms import kinds_of
+from softgym_mj.robots.arm_batch.contacts import ROUND, Fixed, read_fixed
 from softgym_mj.robots.arm_batch.pushed import Push, PushedArms
 from softgym_mj.robots.arm_batch.sharing import device_like, put, shared
 from softgym_mj.robots.arm_batch.state import (
@@ -74,8 +75,19 @@ class ArmClothBatch(ClothBatch):
         with jax.default_device(self._jax_device):
             return _arms_of(self._actor.arm, self._actor.mounts, *kinds_of(self._actor))
 
+    def _unmet(self) -> list[str]:
+        model = self._env.physics.model.ptr
+        return [model.geom(i).name for i in self._static if model.geom_type[i] not in ROUND]
+
     def _solids(self) -> tuple[int, int]:
-        return len(self._geoms), len(self._actor.arm.joints) + 2
+        return len(self._geoms) + len(self._static), len(self._actor.arm.joints) + 2
+
+    @functools.cached_property
+    def _hand_solids(self) -> slice:
+        """Indices of the hands' solids among all, which are in the order of their ids."""
+        first = sum(solid < self._geoms[0] for solid in self._static)
+        assert sum(solid < self._geoms[-1] for solid in self._static) == first, "in one place"
+        return slice(first, first + len(self._geoms))
 
     @property
     def _attaches(self) -> bool:
@@ -100,6 +112,8 @@ class ArmClothBatch(ClothBatch):
         self._moved = {
             name: zeros((num_envs, solids, *size), "float64") for name, size in each.items()
         }
+        # Fixed solids touch always, and do not move.
+        self._moved["touching"] = self._device.put(np.ones((num_envs, solids), bool))
         self._actions = zeros((num_envs, self._actor.action_size), "float64")
         self._count = 0  # Sim steps in this env step.
         kind = AttachGrips if self._attaches else FrictionGrips
@@ -131,7 +145,7 @@ class ArmClothBatch(ClothBatch):
         pads = self._actor.servos.fingers.pads
         before = model.geom_contype[pads]
         model.geom_contype[pads] = GRIPPER_CONTACT  # Pads that do not push now may push later.
-        described = describe(model, [-1] * number, solids=self._geoms)
+        described = describe(model, [-1] * number, solids=sorted([*self._geoms, *self._static]))
         model.geom_contype[pads] = before
         return described
 
@@ -147,7 +161,11 @@ class ArmClothBatch(ClothBatch):
             "poses": np.concatenate([data.xpos[own], data.xquat[own]], axis=1),
         }
         grips = {name: state[name] for name in GRIPS if name in state}
-        return {**grips, "arms": arms}
+        if not self._static:
+            return {**grips, "arms": arms}
+        hand = self._geoms[: len(self._geoms) // actor.num_grippers]
+        fixed = read_fixed(self._env.physics.model.ptr, data, hand, self._static)
+        return {**grips, "arms": arms, "fixed": fixed}
 
     def _actor_arrays(self) -> Arrays:
         return joint_views(self._actor.servos)
@@ -157,6 +175,10 @@ class ArmClothBatch(ClothBatch):
     def command(self, actions: Array) -> None:
         super().command(actions)
         self._actions[...] = actions
+        if self._static:
+            first, poses = self._hand_solids.start, self._moved["poses"]
+            poses[:, :first] = self.state["static_poses"][:, :first]
+            poses[:, self._hand_solids.stop :] = self.state["static_poses"][:, first:]
 
     def lead(self) -> None:
         """Applies the flex's push of the last sim step, then steps the arms without the flex."""
@@ -165,20 +187,24 @@ class ArmClothBatch(ClothBatch):
             if self._count == 0:
                 self._now = self._shared(packed(self.state["arms"]))
                 self._action, push = self._shared(self._actions), self._no_push
+                fixed = self._shared(self.state.get("fixed"))
+                self._fixed = Fixed(**fixed) if fixed else None
             else:
                 push = self._pushed()
             if phase == 0:
                 self._now = arms.solve(self._now, self._action)
-            self._now, self._push, hands = arms.step_alone(self._now, push, self._action, phase)
+            told = self._action, self._fixed, self._shared(self.state["solid"])
+            self._now, self._push, hands = arms.step_alone(self._now, push, *told, phase)
         solids = {**hands.solids._asdict(), "jacobians": hands.jacobians}
         solids["responses"] = self._push.responses
-        for into, arrays in ((self._hands, hands._asdict()), (self._moved, solids)):
+        moved = {name: array[:, self._hand_solids] for name, array in self._moved.items()}
+        for into, arrays in ((self._hands, hands._asdict()), (moved, solids)):
             put(into, {name: arrays[name] for name in into if name in arrays})
         if self._count > 0:
             self._sense(self._hands["points"])
         # JAX and PyTorch queue work separately and wait for each other where arrays are shared.
         # The last results may be overwritten only now that such a wait has been queued.
-        self._results = hands
+        self._results: Any = hands, told, push
         self._count += 1
 
     def finish(self) -> None:
@@ -201,7 +227,7 @@ class ArmClothBatch(ClothBatch):
 
     def _pushed(self) -> Push:
         """Returns the push in the last sim step."""
-        impulses = self._solver.solid_impulses
+        impulses = self._solver.solid_impulses[:, self._hand_solids]
         lead = len(impulses), self._actor.num_grippers, -1
         return self._push._replace(impulses=self._shared(impulses.reshape((*lead, 2, 6))))
 
@@ -214,7 +240,7 @@ class ArmClothBatch(ClothBatch):
         grips, room = self._pickers, self.state["present"].shape[1]
         if not isinstance(grips, FrictionGrips):
             return
-        pushes = self._solver.pushes[..., :room]
+        pushes = self._solver.pushes[:, self._hand_solids, :room]
         each = pushes.reshape((len(pushes), self._actor.num_grippers, -1, room))
         pads = np.flatnonzero(self._arms.is_pad).tolist()
         pushed = self._xp.stack([each[:, :, pad] for pad in pads], axis=2)
@@ -230,7 +256,8 @@ class ArmClothBatch(ClothBatch):
     def _step(self, goals: Array) -> None:
         solid = self.state["solid"][..., None]
         touching = solid | ~constant(self._arms.is_pad, solid)
-        motion = SolidMotion(touching=touching.reshape((len(solid), -1)), **self._moved)
+        self._moved["touching"][:, self._hand_solids] = touching.reshape((len(solid), -1))
+        motion = SolidMotion(**self._moved)
         held = self.state["held"]
         held = held if self._attaches else self._xp.full_like(held, NONE)
         self._solver.step(self.state["center"], held, goals, motion)

@@ -53,8 +53,8 @@ class ClothBatch(BatchPhysics):
         self._env, self._flex, self._actor = env, flexes[0], task.actor
         self._name = next(iter(task.scene.materials))
         self._static = static_solids.find(env.physics.model.ptr)
-        if self._static and not isinstance(task.actor, Picker):
-            raise cpu_only(f"actor={task.actor.name!r} in a scene with fixed solids")
+        if unmet := self._unmet():
+            raise cpu_only(f"actor={task.actor.name!r} in a scene with fixed solids {unmet}")
         self._device, self._xp = device, device.xp
         sizes = num_envs, task.max_points, task.actor.num_grippers, device
         self._solver = ClothBatchSolver(*sizes, *self._solids(), self._notes_pushes)
@@ -70,6 +70,11 @@ class ClothBatch(BatchPhysics):
         """Raises `InvalidArgumentError` if the actor is not supported."""
         if not _is_known(type(task.actor)):
             raise cpu_only(f"actor={task.actor.name.split('/')[0]!r}")
+
+    def _unmet(self) -> list[str]:
+        """Returns names of fixed solids that the actor must not meet."""
+        solids = [] if isinstance(self._actor, Picker) else self._static
+        return [self._env.physics.model.ptr.geom(solid).name for solid in solids]
 
     def _solids(self) -> tuple[int, int]:
         """Returns `solids` and `dofs` of `ClothBatchSolver`."""
