@@ -33,7 +33,7 @@ class FoldShirt(Task):
     Reward = performance: -(mean distance of the shirt from its place) [m], over its area, in top
     view; heights count above 10 cm. The terms of the reward are the shares of body and sleeves.
     Bounds: lower = performance at reset, upper = 0.
-    Horizon: 180 env steps of 8 sim steps; nothing else ends an episode.
+    Horizon: 200 env steps of 8 sim steps; nothing else ends an episode.
     Start: a T-shirt or a shirt with long sleeves, 0.34 to 0.44 m wide and 0.46 to 0.58 m long, lies
     flat on its back, the hem at -X, rotated by up to 45 degrees. With `cuts="unseen"` it is a
     flared dress, 0.66 to 0.74 m long.
@@ -41,7 +41,7 @@ class FoldShirt(Task):
 
     summary = "Fold a shirt: sleeves in, then the hem over to the shoulders."
     difficulty, material = "hard", "cloth"
-    horizon = 180
+    horizon = 200
     success = 0.9  # Our choice; a shirt folded but for its sleeves has at most 0.88.
     workspace = Workspace((-0.85, -0.85, 0.0), (0.85, 0.85, 0.5))
     reset_height, view = 0.1, "fold_shirt"
