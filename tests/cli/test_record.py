@@ -59,7 +59,7 @@ def test_the_command_line_disturbs(capsys, monkeypatch):
         own = episode.infos["expert_action"]
         assert own.shape == (4, 8) and not np.array_equal(own, episode.actions)
     assert run("record straighten_rope --noise 2", monkeypatch) == 1
-    assert "noise=2.0 is not valid: expected 0..1" in capsys.readouterr().err
+    assert "noise=2.0 is not valid: expected a number in 0..1" in capsys.readouterr().err
 
 
 def test_all_tasks_by_one_command(capsys, monkeypatch):

@@ -95,7 +95,7 @@ def test_bad_states(envs):
         with pytest.raises(SnapshotError, match=message):
             envs.set_state(bad)
     with pytest.raises(
-        InvalidArgumentError, match=r"seed=\[7, 8, 9\] is not valid.*None, as the state"
+        InvalidArgumentError, match=r"seed=\[7, 8, 9\] is not valid.*None with the option 'state'"
     ):
         envs.reset(seed=[7, 8, 9], options={"state": states})
 
