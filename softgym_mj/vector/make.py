@@ -36,8 +36,8 @@ def make_vec(
         num_envs: Number of environments, 1 or more.
         device: "cpu" simulates in worker processes; "cuda" on a GPU with PyTorch tensors (actions
             may be tensors, too); "host" runs the same batch code in this process with NumPy
-            arrays. "cuda" and "host" support pickers, arms with rope or cloth, and cups; states
-            and images.
+            arrays. "cuda" and "host" support pickers, cups and arms; states and images, with the
+            limits of docs/gpu.md.
         num_workers: Number of processes, or of threads of "host", 1..num_envs; one per core by
             default. Two per core balance variations of very different cost, such as water, at some
             overhead each. Not allowed with "cuda".
