@@ -21,6 +21,7 @@ from typing import Any
 _MUJOCO = "mujoco.rendering.classic.gl_context"
 _CONTEXTS = {"dm_control._render": "Renderer", _MUJOCO: "GLContext"}
 _VARIABLE = "MUJOCO_GL"
+_OFF_SCREEN = "egl", "osmesa"  # Its values that need no display.
 
 
 @functools.cache
@@ -41,20 +42,29 @@ def load_triton_first() -> None:
 def defer() -> None:
     """Imports dm_control's and MuJoCo's renderers so that their first use loads OpenGL.
 
-    Modules that are already imported keep their backend.
+    Without MUJOCO_GL, a module that was imported earlier has chosen GLFW, which needs a display; it
+    is replaced where the variable now names another backend. Otherwise it keeps its backend.
     """
     chosen = os.environ.get(_VARIABLE)
-    if chosen in ("egl", "osmesa"):  # The first import of PyOpenGL chooses its platform.
+    if chosen in _OFF_SCREEN:  # The first import of PyOpenGL chooses its platform.
         os.environ.setdefault("PYOPENGL_PLATFORM", chosen)
     if sys.platform != "linux":
         return
-    names = [name for name in _CONTEXTS if name not in sys.modules]
+    names = [name for name in _CONTEXTS if not _has_backend(name, chosen)]
     with _without_backend():
         modules = [importlib.import_module(name) for name in names]
     for module in modules:
         _Deferred(module)
     if _MUJOCO in names:  # MuJoCo's package has copied the names of that module.
         sys.modules["mujoco"].GLContext = sys.modules[_MUJOCO].GLContext  # type: ignore[attr-defined]
+
+
+def _has_backend(name: str, chosen: str | None) -> bool:
+    """Returns whether a module of `_CONTEXTS` is imported with a backend that it can keep."""
+    if name not in sys.modules:
+        return False
+    context = getattr(sys.modules[name], _CONTEXTS[name], None)  # Of a module such as mujoco.egl.
+    return chosen not in _OFF_SCREEN or chosen in getattr(context, "__module__", "")
 
 
 @contextlib.contextmanager

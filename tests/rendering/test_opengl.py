@@ -43,6 +43,7 @@ print(opened())
 
 def run(code, **environment):
     variables = os.environ | {"MUJOCO_GL": "egl"} | environment
+    variables = {name: value for name, value in variables.items() if value is not None}
     done = subprocess.run(
         [sys.executable, "-c", LIBRARIES + code],
         check=False, capture_output=True, text=True, env=variables,
@@ -103,3 +104,22 @@ def test_pyopengl_may_be_imported_before_the_first_image_and_triton_after_it():
     # PyOpenGL chooses a platform when it is imported, as by dm_control's viewer.
     code = f"import softgym_mj\nimport OpenGL.GL\n{IMAGE}\nimport triton\nprint(triton.__name__)"
     assert run(code)[1::2] == ["True", "triton"]
+
+
+@pytest.mark.parametrize("first", ["from dm_control import suite", "import mujoco"])
+def test_packages_imported_earlier_without_a_display_render_off_screen(first):
+    # Without MUJOCO_GL, both have chosen GLFW by then.
+    code = f"""
+{first}
+{IMAGE}
+from dm_control import suite
+env = suite.load("cartpole", "balance")
+env.reset()
+print(env.physics.render(16, 16).std() > 0)
+import mujoco
+model = mujoco.MjModel.from_xml_string("<mujoco/>")
+print(mujoco.Renderer(model, 16, 16).render().shape)
+"""
+    lines = run(code, MUJOCO_GL=None, DISPLAY=None, WAYLAND_DISPLAY=None)
+    assert lines[1] == lines[3] == "True"
+    assert lines[4] == "(16, 16, 3)"
