@@ -33,19 +33,21 @@ from softgym_mj.rendering.offscreen import write_picture
 from softgym_mj.storage.files import make_folder
 from softgym_mj.variations.indices import check_variation
 
+_COLUMNS = "suite", "name", "gymnasium_id", "tags", "horizon", "action_repeat", "goal"
 VIDEO_SIZE = 480  # Side of a video [pixels].
 
 
 def list_tasks() -> None:
     """Lists the tasks by suite: a table, or tab-separated lines if the output is no terminal.
 
-    The columns of a line are name, Gymnasium id, tags, horizon, action repeat and goal.
+    The first line names the columns; horizon is in env steps, action_repeat in sim steps of 0.01 s.
     """
     if not console.is_terminal:
+        typer.echo("\t".join(_COLUMNS))
         for record in softgym_mj.TASKS.values():
             lengths = str(record.horizon), str(record.action_repeat)
             tags = ",".join(record.tags)
-            row = record.name, record.gymnasium_id, tags, *lengths, record.summary
+            row = record.suite, record.name, record.gymnasium_id, tags, *lengths, record.summary
             typer.echo("\t".join(row))
         return
     for suite in SUITES:

@@ -29,9 +29,13 @@ def test_names_and_ids_are_whole_in_a_terminal(width, monkeypatch):
 
 
 def test_a_program_reads_a_line_for_each_task():
-    lines = CliRunner().invoke(commands.app, ["list"]).output.splitlines()
+    header, *lines = CliRunner().invoke(commands.app, ["list"]).output.splitlines()
     for line, record in zip(lines, registry.TASKS.values(), strict=True):
-        name, identifier, tags, horizon, repeat, goal = line.split("\t")
-        assert (name, identifier, goal) == (record.name, record.gymnasium_id, record.summary)
-        assert tuple(tags.split(",")) == record.tags
-        assert (int(horizon), int(repeat)) == (record.horizon, record.action_repeat)
+        columns = dict(zip(header.split("\t"), line.split("\t"), strict=True))
+        assert tuple(columns.pop("tags").split(",")) == record.tags
+        for length in ("horizon", "action_repeat"):
+            assert int(columns.pop(length)) == getattr(record, length)
+        assert columns.pop("goal") == record.summary
+        assert columns == {
+            "suite": record.suite, "name": record.name, "gymnasium_id": record.gymnasium_id
+        }  # fmt: skip
