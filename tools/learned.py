@@ -31,7 +31,8 @@ STALE = {
 }  # fmt: skip
 # Titles of methods whose names are no abbreviations.
 _TITLES = {"teacher_student": "teacher and student", "distill": "distillation"}
-_KINDS = ("policy on states", "policy on images", "CEM")
+_KINDS = "policy on states", "on images + proprioception", "on images alone", "CEM"
+_SEEDS = 5  # Number of seeds of a row, unless the overview names another.
 _COLORS = 10  # Length of Matplotlib's color cycle; further lines are dotted.
 _DASHES = "--", "-.", (0, (1, 4))  # Line styles of published numbers of others in a panel.
 _LOWEST = -0.5  # Lower end of the axis: worse policies would squeeze the others.
@@ -75,7 +76,10 @@ def results() -> str:
     if curves(rows()):
         caption = "Curves on held-out variations: medians and quartiles over seeds"
         found += f"\n\n![{caption}](results/{FIGURE.name})\n\n{caption}. "
-        found += "Env steps of `distill` do not include those of its teacher."
+        found += (
+            "Env steps of `distill` do not include those of its teacher. `teacher_student` jumps "
+            "where its teacher ends: the student, which is scored, learns from then on only."
+        )
     return found
 
 
@@ -96,11 +100,12 @@ def overview() -> str:
     found = matrix()
     return found and found + (
         "\n\nNormalized performance on held-out variations: last checkpoint, median (quartiles) "
-        "over five seeds, and the share of successful episodes ([terms](docs/glossary.md)). *No "
-        "action*: mean over the same 200 variations. Settings of `fold_cloth` and `drop_cloth` "
-        "were chosen by held-out scores, so theirs are optimistic. CEM plans with the true "
-        "dynamics and learns nothing (ten episodes). Missing tasks and empty cells have no "
-        "published run yet. \u2020: measured before the task's initial states changed. [All "
+        "over five seeds unless the cell names another number, and the share of successful "
+        "episodes ([terms](docs/glossary.md)). Proprioception includes whether each gripper holds "
+        "the material. *No action*: mean over the same 200 variations. Settings of `fold_cloth` "
+        "and `drop_cloth` were chosen by held-out scores, so theirs are optimistic. CEM plans with "
+        "the true dynamics and learns nothing (ten episodes). Missing tasks and empty cells have "
+        "no published run yet. \u2020: measured before the task's initial states changed. [All "
         "methods, observations, budgets, curves and policies](docs/results.md)."
     )
 
@@ -142,18 +147,22 @@ def idle() -> dict[str, float]:
 def _kind(line: Mapping[str, Any]) -> str:
     """Column of a result in the overview."""
     if line["method"] in PLANNERS:
-        return _KINDS[2]
-    return _KINDS[1 if has_images(line["observation"].split("+")) else 0]
+        return _KINDS[3]
+    names = line["observation"].split("+")
+    if not has_images(names):
+        return _KINDS[0]
+    return _KINDS[2 if len(names) == 1 else 1]
 
 
 def _cell(line: Mapping[str, Any]) -> str:
     """Text of a result in the overview."""
     shown = _ranged(line, "median", "percentile_25", "percentile_75") + _mark(line)
     if line["method"] in PLANNERS:
-        return f"{shown}; success {line['success_rate']:.2f}"
-    seeds = ", 1 seed" if line["seeds"] == 1 else ""
-    success = f"success {line['success_rate']:.2f}"
-    return f"{shown}, {_TITLES.get(line['method'], line['method'].upper())}{seeds}; {success}"
+        return f"{shown}<br>success {line['success_rate']:.2f}"
+    number = line["seeds"]
+    seeds = "" if number == _SEEDS else f", {number} seed{'s' if number > 1 else ''}"
+    method = _TITLES.get(line["method"], line["method"].upper())
+    return f"{shown}<br>{method}{seeds}; success {line['success_rate']:.2f}"
 
 
 def _mark(line: Mapping[str, Any]) -> str:

@@ -172,17 +172,21 @@ def test_the_overview_is_there_once_something_was_learned(monkeypatch):
     ]
     monkeypatch.setattr(learned, "rows", lambda: [*planned, *worse, *_training()])
     head, _, *rows = learned.overview().splitlines()[:4]
-    assert head == "| task | no action | policy on states | policy on images | CEM |"
-    best = "0.50 (0.40 to 0.90) \u2020, SAC; success 0.40"
+    images = "on images + proprioception | on images alone"
+    assert head == f"| task | no action | policy on states | {images} | CEM |"
+    best = "0.50 (0.40 to 0.90) \u2020<br>SAC; success 0.40"
     assert rows == [
-        "| `fold_cloth` | 0.25 | | | 0.90; success 1.00 |", f"| `straighten_rope` | | {best} | | |",
-    ]  # fmt: skip
+        "| `fold_cloth` | 0.25 | | | | 0.90<br>success 1.00 |",
+        f"| `straighten_rope` | | {best} | | | |",
+    ]
     alone = [row for row in _training() if not row.seed]
     monkeypatch.setattr(learned, "rows", lambda: alone)
     assert "SAC, 1 seed; success" in learned.overview()
-    image = [dataclasses.replace(row, observation="rgb+held") for row in _training()]
-    monkeypatch.setattr(learned, "rows", lambda: image)
-    assert "| | 0.50 (0.40 to 0.90), SAC; success 0.40 | |" in learned.overview()
+    for observation, cells in (("rgb+held", "| | {} | | |"), ("rgb", "| | | {} | |")):
+        image = [dataclasses.replace(row, observation=observation) for row in _training()]
+        monkeypatch.setattr(learned, "rows", lambda image=image: image)
+        best = "0.50 (0.40 to 0.90)<br>SAC; success 0.40"
+        assert cells.format(best) in learned.overview()
 
 
 def test_what_doing_nothing_scores_is_of_all_held_out_variations():
