@@ -52,6 +52,7 @@ app = typer.Typer(
     cls=_Commands,
     no_args_is_help=True,
     rich_markup_mode="markdown",  # "rich" reads units such as [m] as markup.
+    pretty_exceptions_enable=False,  # Errors in code of users are ordinary tracebacks.
 )
 _PANELS: dict[str, dict[str, Callable[..., None]]] = {
     "Tasks": {

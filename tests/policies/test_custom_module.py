@@ -198,3 +198,17 @@ def test_an_expert_that_yields_nothing_is_refused_by_name(monkeypatch):
     expert = OwnExpert(env)
     with pytest.raises(InvalidArgumentError, match=r"expert\(\).*a generator"):
         expert(env.reset())
+
+
+def test_an_error_in_a_task_is_a_plain_traceback_that_ends_there(folder):
+    (folder / "own_wrong.py").write_text(MODULE.replace("height = float", "height = misspelled"))
+    done = subprocess.run(
+        [sys.executable, "-m", "softgym_mj.cli.commands", "rollout", "own_wrong:own_pull",
+         "--policy", "zero", "--episodes", "1"],
+        check=False, capture_output=True, text=True,
+    )  # fmt: skip
+    lines = done.stderr.splitlines()
+    (first,) = [i for i, line in enumerate(lines) if line.startswith("Traceback")]
+    assert "own_wrong.py" in lines[-4]
+    assert lines[-1] == "NameError: name 'misspelled' is not defined"
+    assert all(line.startswith("  ") for line in lines[first + 1 : -1])  # No frame, no locals.
