@@ -70,11 +70,11 @@ def measured_from(expression):
 BAD_METHODS = [
     ({"measure": lambda *_: 0.5}, r"measure\(\)=0.5.*`Measures`"),
     (measured(np.nan, {}), "performance=nan.*a finite number"),
-    (measured(np.zeros(2), {}), r"performance=array.*a finite number"),
+    (measured(np.zeros(2), {}), r"performance has shape \(2,\): .* a finite number"),
     (measured(0.5, 0.5), "rewards=0.5.*a dict from names to numbers"),
     (measured(0.5, {"a": np.inf}), r"rewards\['a'\]=inf"),
     (measured(0.5, {}, [1.0]), r"info=\[1.0\].*a dict"),
-    (measured(0.5, {}, {"where": np.zeros(3)}), r"info\['where'\]=array.*a number"),
+    (measured(0.5, {}, {"where": np.zeros(3)}), r"info\['where'\] has shape \(3,\): .* a number"),
     (measured(0.5, {}, {"performance": 3.0}), "info='performance'.*success, variation"),
     (measured(0.5, {"a": 0.5}, {"reward_a": 9.0}), "info='reward_a'.*without the prefix reward_"),
     (measured(0.5, {}, {"picks_held": 5}), r"\['picks_held'\].*without duplicates"),

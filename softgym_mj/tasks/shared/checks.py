@@ -131,7 +131,10 @@ def _number(name: str, value: object, finite: bool) -> float | int | bool:
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value[()]
     if not isinstance(value, _NUMBERS) or (finite and not math.isfinite(value)):
-        raise InvalidArgumentError(name, value, "a finite number" if finite else "a number")
+        valid = "a finite number" if finite else "a number"
+        if isinstance(value, np.ndarray):
+            raise InvalidArgumentError(f"{name} has shape {value.shape}: expected {valid}.")
+        raise InvalidArgumentError(name, value, valid)
     return value.item() if isinstance(value, np.generic) else value
 
 
