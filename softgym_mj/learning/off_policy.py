@@ -142,7 +142,9 @@ class OffPolicy:
         )  # fmt: skip
         self._noise = generators(problem.seeds, problem.device)
         if settings.updates % algorithm.period:
-            valid = f"a multiple of {algorithm.period}, after which the kinds of updates repeat"
+            names = (name for name in ("actor_every", "target_every") if hasattr(settings, name))
+            every = ", ".join(f"{name}={getattr(settings, name)}" for name in names)
+            valid = f"a multiple of {algorithm.period}" + f" ({every})" * bool(every)
             raise InvalidArgumentError("updates", settings.updates, valid)
         self._few = CudaGraph(self._update, [*self.replay.sources, *algorithm.sources])
         self._seen = 0  # Env steps of each seed so far.

@@ -39,3 +39,12 @@ def test_bad_settings_are_refused():
     ):
         with pytest.raises(InvalidArgumentError, match=name):
             OffPolicySettings(**{"discount": 0.95, name: value})
+
+
+def test_updates_are_a_multiple_of_the_intervals_of_actor_and_targets():
+    method = find_method("sac", hidden=(8,), updates=3, actor_every=2, target_every=3)
+    problem = Problem("straighten_rope", {}, [0], 2, (3,), 2, 1.0, "cpu")
+    with pytest.raises(
+        InvalidArgumentError, match=r"updates=3 .* 6 \(actor_every=2, target_every=3\)"
+    ):
+        method.make(method.settings, problem)
