@@ -187,7 +187,7 @@ class Training(TrainingSetup):
                 return
             frames = getattr(module, "frames", 1)
             seen = {name: several[name] for name in names}
-            saved = export_policy(module, seen, self.settings.observed, frames)
+            saved = export_policy(module, seen, self.settings.observed, frames, self.settings.task)
             write_whole(self.folder / POLICY.format(seed=seed), saved)
 
     def _restore(self) -> None:

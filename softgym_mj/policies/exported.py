@@ -1,6 +1,6 @@
 """Policies as files of `torch.export.save`, with the observations that they need.
 
-The extra file `NOTE` in such a file has the task's arguments of the policy's observation and the
+The extra file `NOTE` in such a file has the task, its arguments of the policy's observation and the
 number of stacked frames.
 """
 
@@ -8,7 +8,7 @@ import io
 import json
 import os
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import dm_env
@@ -32,6 +32,7 @@ def export_policy(
     spaces: Mapping[str, gymnasium.spaces.Box],
     observed: Mapping[str, Any],
     frames: int = 1,
+    task: str | None = None,
 ) -> bytes:
     """Returns the content of a policy's file.
 
@@ -42,6 +43,7 @@ def export_policy(
         spaces: Spaces of the observations by name.
         observed: Arguments of the task: `observation`, and `image_size` with images.
         frames: Number of stacked frames.
+        task: Name of the task, for messages.
     """
     torch = import_extra("torch", "PyTorch", "rl")
     is_dict = len(spaces) > 1 or frames > 1
@@ -56,7 +58,7 @@ def export_policy(
     exported = torch.export.export(module.eval(), (example,))
     for node in exported.graph.nodes:  # Stack traces contain paths of this machine.
         node.meta.pop("stack_trace", None)
-    file, note = io.BytesIO(), {**observed, "frames": frames}
+    file, note = io.BytesIO(), {**observed, "frames": frames, "task": task}
     torch.export.save(exported, file, extra_files={NOTE: json.dumps(note)})
     return file.getvalue()
 
@@ -70,7 +72,7 @@ def observes(file: str) -> dict[str, Any]:
     Raises:
         InvalidArgumentError: for a note that is not JSON of this form.
     """
-    return {name: value for name, value in _note(file).items() if name != "frames"}
+    return {name: value for name, value in _note(file).items() if name not in ("frames", "task")}
 
 
 def has_images(observation: str | Sequence[str]) -> bool:
@@ -80,7 +82,7 @@ def has_images(observation: str | Sequence[str]) -> bool:
 
 
 def _note(name: str) -> dict[str, Any]:
-    """Returns the arguments of `observes` and `frames`; empty for files without a note."""
+    """Returns the arguments of `observes`, `frames` and `task`; empty for files without a note."""
     if not name.endswith(SUFFIX) or not os.path.isfile(name) or not zipfile.is_zipfile(name):
         return {}  # `isfile` is false for impossible names.
     try:
@@ -95,7 +97,7 @@ def _note(name: str) -> dict[str, Any]:
     except (ValueError, LookupError, TypeError, AttributeError, zipfile.BadZipFile) as error:
         message = f"policy={name!r}: its observation cannot be read: {error!r}"
         raise InvalidArgumentError(message) from error
-    return {"observation": seen, **sized, "frames": frames}
+    return {"observation": seen, **sized, "frames": frames, "task": result.get("task")}
 
 
 def load_exported(file: str, env: Environment, trust: bool) -> Policy:
@@ -113,10 +115,13 @@ def load_exported(file: str, env: Environment, trust: bool) -> Policy:
         )
     torch = import_extra("torch", "PyTorch", "rl")
     try:
-        module = torch.export.load(io.BytesIO(content)).module()
+        program = torch.export.load(io.BytesIO(content))
+        module = program.module()
     except Exception as error:  # torch's reader may raise any error.
         raise InvalidArgumentError(f"policy={file!r} cannot be loaded: {error}") from error
     size, inputs = env.task.actor.action_size, _Inputs(file)
+    nodes = {node.name: node.meta.get("val") for node in program.graph.nodes}
+    expected = _shapes(map(nodes.get, program.graph_signature.user_inputs))
 
     def act(timestep: dm_env.TimeStep) -> np.ndarray:
         batch = {name: torch.from_numpy(array) for name, array in inputs(timestep).items()}
@@ -128,10 +133,12 @@ def load_exported(file: str, env: Environment, trust: bool) -> Policy:
                     f"{name} of shape {tuple(tensor.shape)}, {tensor.dtype}"
                     for name, tensor in batch.items()
                 )
+                is_same = _shapes(batch.values()) == expected
+                reason = error if is_same else _exported_for(file, expected)
                 raise InvalidArgumentError(
-                    f"policy={file!r} does not take {shown}: {error}; choose another "
-                    "observation, or export it with an example of this shape and type: "
-                    "torch.export.export(module, (torch.zeros(...),))"
+                    f"policy={file!r} does not take {shown}: {reason}; "
+                    "choose its task, actor and observation, or export it with an example of this "
+                    "shape and type: torch.export.export(module, (torch.zeros(...),))"
                 ) from error
         action = np.asarray(action, float).reshape(-1)
         if action.shape != (size,):
@@ -141,6 +148,21 @@ def load_exported(file: str, env: Environment, trust: bool) -> Policy:
         return np.clip(action, -1.0, 1.0)
 
     return act
+
+
+def _shapes(tensors: Iterable[Any]) -> list[str]:
+    """Returns shapes and types of tensors, sorted; an input that is no tensor has none."""
+    return sorted(
+        f"{tuple(each.shape)}, {each.dtype}" for each in tensors if hasattr(each, "shape")
+    )
+
+
+def _exported_for(file: str, shapes: Sequence[str]) -> str:
+    """Returns the inputs and, from the note, the task of a policy's training."""
+    note = _note(file)
+    observed = f" of observation={note['observation']!r}" if note else ""
+    task = f" in {note['task']}" if note.get("task") else ""
+    return f"it was exported for shape {' and '.join(shapes)}{observed}{task}"
 
 
 class _Inputs:

@@ -70,7 +70,7 @@ def test_an_exported_policy_acts_on_the_observation(env, tmp_path):
     with pytest.raises(InvalidArgumentError, match="returns 3 numbers; an action has 8"):
         make_policy(str(file), env, trust=True)(timestep)
     exported(file, size=20)
-    message = r"does not take .* shape \(1, 36\), torch\.float32.*example"
+    message = r"shape \(1, 36\), torch\.float32: it was exported for shape \(1, 20\), .*example"
     with pytest.raises(InvalidArgumentError, match=message):
         make_policy(str(file), env, trust=True)(timestep)
     file.write_bytes(file.read_bytes()[:-500])
@@ -179,7 +179,7 @@ def _noted(folder, observation):
 
     module = torch.nn.Linear(ROPE + 8, 8)
     program = torch.export.export(module, (torch.zeros(1, ROPE + 8),))
-    note = {"observation": observation, "image_size": [8, 8]}
+    note = {"observation": observation, "image_size": [8, 8], "task": "straighten_rope"}
     extra = {NOTE: json.dumps(note)}
     torch.export.save(program, folder / "policy_3.pt2", extra_files=extra)
     return str(folder / "policy_{seed}.pt2")
@@ -198,6 +198,14 @@ def test_a_policy_observes_what_its_file_names(env, tmp_path):
     act = make_policy(name, env, 3, trust=True)
     with pytest.raises(InvalidArgumentError, match=r"observation='markov'; .* observes reduced"):
         act(env.reset(800))
+
+
+def test_the_message_for_another_task_names_that_of_the_training(tmp_path):
+    cloth = softgym_mj.load("fold_cloth", split="all", observation="markov", fidelity="fast")
+    act = make_policy(_noted(tmp_path, "markov"), cloth, 3, trust=True)
+    message = rf"shape \(1, {ROPE + 8}\).* of observation='markov' in straighten_rope; choose its"
+    with pytest.raises(InvalidArgumentError, match=message):
+        act(cloth.reset(800))
 
 
 def test_policies_of_images_name_their_size_and_others_nothing(tmp_path):
