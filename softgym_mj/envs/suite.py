@@ -35,7 +35,13 @@ class _Domain:
         """Tasks by name and tag, built at each use: tags require importing the tasks."""
         from dm_control.utils import containers
 
-        tasks = containers.TaggedTasks()
+        class Tasks(containers.TaggedTasks):
+            """Tasks, and by "module:name" those that a module registers on import."""
+
+            def __getitem__(self, name):
+                return _constructor(name) if ":" in name else super().__getitem__(name)
+
+        tasks = Tasks()
         for name in registry.task_names(self._suite):
             tags = registry.TASKS[name].tags
             tasks.add(*tags, "no_reward_visualization")(_constructor(name))

@@ -7,6 +7,7 @@ import sys
 import gymnasium
 import numpy as np
 import pytest
+from dm_control import suite
 
 import softgym_mj
 from softgym_mj import registry
@@ -99,6 +100,17 @@ def test_a_module_of_the_current_folder_brings_task_and_policy(capsys, monkeypat
     assert line["task"] == "own_pull"
     assert line["normalized_performance"] == scores(lambda step: np.full(8, 0.5))
     assert softgym_mj.load("own_tasks:own_pull").name == "own_pull"
+
+
+@pytest.mark.usefixtures("folder")
+def test_the_suite_of_dm_control_imports_the_module(monkeypatch):
+    monkeypatch.syspath_prepend(".")
+    env = suite.load("softgym", "own_tasks:own_pull", {"split": [800]})
+    assert env.name == "own_pull"
+    with pytest.raises(InvalidArgumentError, match="'own_tasks:own_pull'"):
+        suite.load("softgym", "own_tasks:own_pul")
+    with pytest.raises(ValueError, match="Level 'own_pul' does not exist"):
+        suite.load("softgym", "own_pul")
 
 
 def test_workers_find_the_module(folder, monkeypatch):
