@@ -65,4 +65,4 @@ def test_the_shell_completes_tasks():
     words = {"COMP_WORDS": "softgym-mj rollout fold", "COMP_CWORD": "2"}
     shell = {"_SOFTGYM_MJ_COMPLETE": "complete_bash", **words}
     result = CliRunner().invoke(commands.app, prog_name="softgym-mj", env=shell)
-    assert result.output.split() == ["fold_cloth", "fold_crumpled_cloth"]
+    assert result.output.split() == ["fold_cloth", "fold_crumpled_cloth", "fold_shirt"]
