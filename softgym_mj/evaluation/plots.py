@@ -71,7 +71,7 @@ def bars(results: Sequence[Mapping], file: pathlib.Path) -> None:
         axes.barh(places, numbers[:, 0], height, xerr=whiskers, label=group, capsize=2)
         for place, median in zip(places, numbers[:, 0], strict=True):
             if median < _LOWEST:  # The bar leaves the axes, so its value is written at its end.
-                axes.text(_LOWEST, place, f"{median:.1f}", va="center")
+                axes.text(_LOWEST, place, f"  {median:.1f}", va="center", fontsize="small")
     axes.set_xlim(left=max(axes.get_xlim()[0], _LOWEST))
     axes.set_yticks(range(len(tasks)), tasks)
     axes.invert_yaxis()
