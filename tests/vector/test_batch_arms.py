@@ -11,13 +11,13 @@ from gymnasium.vector import AutoresetMode
 import softgym_mj
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError, UnavailableError
-from softgym_mj.policies.experts import make_policy
 from softgym_mj.rendering.observables import LABELS, WRIST_RGB
 from softgym_mj.robots.gripper import MAX_DISPLACEMENT
 from softgym_mj.vector.base import VectorEnv
 from softgym_mj.vector.batch.backend import BatchBackend
 from softgym_mj.vector.batch.cameras import IMAGES
 from tests.native.torch_device import TorchDevice
+from tests.vector.arms import check_snapshots, recorded
 from tests.vector.same import same
 from tests.vector.test_images import check_images
 
@@ -51,16 +51,7 @@ def _random(number, seed=0):
 @functools.cache
 def _recorded(task, actor):
     """An expert's episodes on the CPU: actions, observations and infos of each variation."""
-    env, found = softgym_mj.load(task, **{**SETTINGS, "actor": actor}), []
-    for variation in VARIATIONS:
-        timestep = env.reset(variation)
-        policy, actions, seen = make_policy(env), [], [(timestep.observation, env.info())]
-        while not timestep.last():
-            actions.append(policy(timestep))
-            timestep = env.step(actions[-1])
-            seen.append((timestep.observation, env.info()))
-        found.append((actions, seen))
-    return found
+    return recorded(softgym_mj.load(task, **{**SETTINGS, "actor": actor}), VARIATIONS)
 
 
 def _tools_and_joints(sensed):
@@ -81,19 +72,19 @@ LONG = (
 )
 def test_an_expert_acts_as_in_environments(case):
     task, actor = case.split("/")
-    recorded = _recorded(task, actor)
+    episodes = _recorded(task, actor)
     envs, sensed, held = _make(task, actor=actor, autoreset_mode="Disabled"), [], []
     observations, infos = _reset(envs)
-    for i, (_, seen) in enumerate(recorded):
+    for i, (_, seen) in enumerate(episodes):
         for name, array in seen[0][0].items():
             np.testing.assert_allclose(observations[name][i], array, rtol=1e-6, err_msg=name)
         assert {name for name in infos if not name.startswith("_")} == set(seen[0][1])
     for k in range(envs.get_attr("horizon")[0]):
-        observations, *_, infos = envs.step(np.array([actions[k] for actions, _ in recorded]))
+        observations, *_, infos = envs.step(np.array([actions[k] for actions, _ in episodes]))
         sensed.append(observations["proprioception"].astype(float))
         held.append(observations["held"])
     expected = np.array(
-        [[each["proprioception"] for each, _ in seen[1:]] for _, seen in recorded]
+        [[each["proprioception"] for each, _ in seen[1:]] for _, seen in episodes]
     ).swapaxes(0, 1)
     both = map(_tools_and_joints, (np.array(sensed)[:STEPS], expected[:STEPS]))
     points, joints = (np.abs(a - b) for a, b in zip(*both, strict=True))
@@ -101,7 +92,7 @@ def test_an_expert_acts_as_in_environments(case):
     assert np.sqrt(np.mean(joints**2)) < 1e-3
     if task != "spread_cloth":  # Crumpled cloth under a hand is chaotic.
         assert points.max() < 1e-3
-        scores = [seen[-1][1]["normalized_performance"] for _, seen in recorded]
+        scores = [seen[-1][1]["normalized_performance"] for _, seen in episodes]
         np.testing.assert_allclose(infos["normalized_performance"], scores, atol=0.03)
     assert np.any(held)
     envs.close()
@@ -141,27 +132,7 @@ def test_runs_have_the_same_bits():
 def test_snapshots_go_to_environments_and_back():
     envs, alone = _make("straighten_rope"), SoftGymEnv("straighten_rope", **SETTINGS)
     _reset(envs)
-    actions = _random(8)
-    for each in actions[:4]:
-        envs.step(each)
-    states = envs.get_state()
-    later = [envs.step(each)[0] for each in actions[4:]]
-    observation, _ = alone.set_state(states[1])
-    for k, each in enumerate(actions[4:]):
-        if k == 2:
-            middle = alone.get_state()
-        observation = alone.step(each[1])[0]
-        for name in ("full", "markov"):
-            np.testing.assert_allclose(observation[name], later[k][name][1], atol=2e-4)
-    envs.set_state(states)
-    again = [envs.step(each)[0] for each in actions[4:]]
-    assert same(later, again)
-    envs.set_state([middle] * 3)
-    for k in (2, 3):
-        observations = envs.step(np.tile(actions[4 + k][1], (3, 1)))[0]
-        for name in ("full", "markov"):
-            np.testing.assert_allclose(observations[name][2], later[k][name][1], atol=2e-4)
-    envs.close()
+    check_snapshots(envs, alone, _random(8), atol=2e-4)
 
 
 def _tensors(mode="NextStep", **settings):

@@ -11,12 +11,12 @@ import softgym_mj
 from softgym_mj.batch.device import CpuDevice
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError, UnavailableError
-from softgym_mj.policies.experts import make_policy
 from softgym_mj.rendering.observables import LABELS, WRIST_RGB
 from softgym_mj.vector.base import VectorEnv
 from softgym_mj.vector.batch.backend import BatchBackend
 from softgym_mj.vector.batch.cameras import IMAGES
 from tests.native.torch_device import TorchDevice
+from tests.vector.arms import check_snapshots, recorded
 from tests.vector.same import same
 from tests.vector.test_images import check_images
 
@@ -53,16 +53,7 @@ def _random(number):
 
 def _recorded(task, actor):
     """An expert's episodes on the CPU: actions, observations and infos of each variation."""
-    env, found = softgym_mj.load(task, **{**SETTINGS, "actor": actor}), []
-    for variation in VARIATIONS:
-        timestep = env.reset(variation)
-        policy, actions, seen = make_policy(env), [], [(timestep.observation, env.info())]
-        while not timestep.last():
-            actions.append(policy(timestep))
-            timestep = env.step(actions[-1])
-            seen.append((timestep.observation, env.info()))
-        found.append((actions, seen))
-    return found
+    return recorded(softgym_mj.load(task, **{**SETTINGS, "actor": actor}), VARIATIONS)
 
 
 def test_threads_change_no_bit():
@@ -82,31 +73,31 @@ LONG = "pour_water/franka", "pour_water_amount/sawyer", "pour_water/ur5e"
 )
 def test_an_expert_acts_as_in_environments(case):
     task, actor = case.split("/")
-    recorded = _recorded(task, actor)
+    episodes = _recorded(task, actor)
     envs, sensed = _make(task, actor=actor, autoreset_mode="Disabled"), []
     observations, infos = _reset(envs)
-    for i, (_, seen) in enumerate(recorded):
+    for i, (_, seen) in enumerate(episodes):
         for name, array in seen[0][0].items():
             np.testing.assert_allclose(observations[name][i], array, rtol=1e-5, err_msg=name)
         assert {name for name in infos if not name.startswith("_")} == set(seen[0][1])
     for k in range(envs.get_attr("horizon")[0]):
-        observations, *_, infos = envs.step(np.array([actions[k] for actions, _ in recorded]))
+        observations, *_, infos = envs.step(np.array([actions[k] for actions, _ in episodes]))
         sensed.append(observations["proprioception"].astype(float))
-        for i, (_, seen) in enumerate(recorded):
+        for i, (_, seen) in enumerate(episodes):
             for name in ("rejected_moves", "ik_failures", "physics_warnings"):
                 assert infos[name][i] == seen[k + 1][1][name]
             if k < STEPS:
                 markov = seen[k + 1][0]["markov"]
                 np.testing.assert_allclose(observations["markov"][i], markov, atol=5e-3)
     expected = np.array(
-        [[each["proprioception"] for each, _ in seen[1:]] for _, seen in recorded]
+        [[each["proprioception"] for each, _ in seen[1:]] for _, seen in episodes]
     ).swapaxes(0, 1)
     differences = np.abs(np.array(sensed) - expected)
     joints = (differences.shape[-1] - 8) // 2
     assert differences[:STEPS, :, :3].max() < 1e-4  # [m] Tool points.
     assert differences[:STEPS, :, 8 : 8 + joints].max() < 1e-4  # [rad]
     assert differences[..., : 8 + joints].max() < 2e-3  # Water is chaotic in the end.
-    scores = [seen[-1][1]["normalized_performance"] for _, seen in recorded]
+    scores = [seen[-1][1]["normalized_performance"] for _, seen in episodes]
     np.testing.assert_allclose(infos["normalized_performance"], scores, atol=0.03)
     envs.close()
 
@@ -132,27 +123,7 @@ def test_images_show_cups_in_hands_as_in_environments(steps):
 def test_snapshots_go_to_environments_and_back():
     envs, alone = _make(), SoftGymEnv(TASK, **SETTINGS)
     _reset(envs)
-    actions = _random(8).astype(np.float32)
-    for each in actions[:4]:
-        envs.step(each)
-    states = envs.get_state()
-    later = [envs.step(each)[0] for each in actions[4:]]
-    observation, _ = alone.set_state(states[1])
-    for k, each in enumerate(actions[4:]):
-        if k == 2:
-            middle = alone.get_state()
-        observation = alone.step(each[1])[0]
-        for name in ("full", "markov"):
-            np.testing.assert_allclose(observation[name], later[k][name][1], atol=1e-4)
-    envs.set_state(states)
-    again = [envs.step(each)[0] for each in actions[4:]]
-    assert same(later, again)
-    envs.set_state([middle] * 3)
-    for k in (2, 3):
-        observations = envs.step(np.tile(actions[4 + k][1], (3, 1)))[0]
-        for name in ("full", "markov"):
-            np.testing.assert_allclose(observations[name][2], later[k][name][1], atol=1e-4)
-    envs.close()
+    check_snapshots(envs, alone, _random(8).astype(np.float32), atol=1e-4)
 
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
