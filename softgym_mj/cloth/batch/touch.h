@@ -233,7 +233,8 @@ inline void EachTouch(const Environment& w, F f) {
       EachBlock(0, 1, [&](int) {
         for (int k = i; k < end; ++k) {
           const Touch& touch = w.touch[at(k)];
-          for (int b = 0; b < touch.num_active; ++b) f(touch.active[b], m.contact, rigid_at(k));
+          Rigid* rigid = rigid_at(k);
+          for (int b = 0; b < touch.num_active; ++b) f(touch.active[b], m.contact, rigid);
         }
       });
       continue;
