@@ -26,6 +26,7 @@ from softgym_mj.robots.arm_batch import (
 from softgym_mj.robots.arm_batch.chain import Pose
 from softgym_mj.robots.arm_batch.leads import LEADS
 from softgym_mj.robots.arm_batch.led_arms import LedArms
+from softgym_mj.robots.arm_batch.sharing import to_jax
 from softgym_mj.robots.arm_batch.state import ArmState, packed
 from softgym_mj.robots.base import SIM_STEP
 
@@ -116,10 +117,9 @@ class ArmBatch(LedArms):
         if sim_steps % SOLVE_EVERY:
             raise InvalidArgumentError("sim_steps", sim_steps, f"a multiple of {SOLVE_EVERY}")
         with jax.enable_x64(True):
-            if not isinstance(actions, (np.ndarray, jax.Array)):
-                actions = jax.dlpack.from_dlpack(actions)
-            actions = jnp.asarray(actions, jnp.float64)
-            return self._step(state, jax.device_put(actions, state.positions.sharding), sim_steps)
+            (device,) = state.positions.devices()
+            actions = jnp.asarray(to_jax(actions, device), jnp.float64)
+            return self._step(state, actions, sim_steps)
 
     # ------------------------------------------------------------------ one environment
 

@@ -32,7 +32,7 @@ def to_jax(array: Any, device: jax.Device) -> jax.Array:
 
     JAX records its programs as CUDA graphs, which cannot be updated from its memory to PyTorch's.
     """
-    if isinstance(array, np.ndarray):
+    if isinstance(array, (np.ndarray, jax.Array)):
         return jax.device_put(array, device)
     return jax.numpy.copy(jax.dlpack.from_dlpack(array))
 
