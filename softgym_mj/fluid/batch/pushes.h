@@ -122,16 +122,7 @@ inline void HandOver(const Environment& w) {
     Each(last - first, [&](int j) {
       const int wall = first + j;
       const double* impulse = w.impulses + 6 * m.walls[wall].pushed;
-      const double offset[3] = {center[1] * impulse[2] - center[2] * impulse[1],
-                                center[2] * impulse[0] - center[0] * impulse[2],
-                                center[0] * impulse[1] - center[1] * impulse[0]};
-      for (int k = 0; k < 6; ++k) {
-        double &rest = w.pending[6 * wall + k], &force = w.forces[6 * wall + k];
-        const double share = 1 / (1 + inertia[k / 3] * mobility[k / 3]);
-        rest += k < 3 ? impulse[k] : impulse[k] - offset[k - 3];
-        force = share * rest / m.timestep;
-        rest -= force * m.timestep;
-      }
+      PassOn(impulse, impulse + 3, center, inertia, mobility, m.timestep, w.pending + 6 * wall, w.forces + 6 * wall);
     });
   }
 }

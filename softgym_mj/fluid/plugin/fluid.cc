@@ -16,6 +16,7 @@
 #include "native/flex.h"
 #include "native/limits.h"
 #include "native/reset.h"
+#include "pushes.h"
 #include "solver.h"
 #include "sweep.h"
 
@@ -167,8 +168,7 @@ void SweepVertices(bool known, double reach, mjtNum* stored, FlexMotion* flexes)
   mju_copy(stored, flexes->end.data(), size);
 }
 
-// Converts the impulses of this step to forces of the next one. This lag of one step would be unstable if the water is
-// heavier than the body, so only a share of the pending impulse is applied per step; momentum is conserved.
+// Converts the impulses of this step to forces of the next one.
 void HandOver(const mjModel* m, mjData* d, Workspace* w, mjtNum* forces, mjtNum* pending) {
   const double dt = m->opt.timestep;
   const size_t walls = w->walls.size();
@@ -194,17 +194,9 @@ void HandOver(const mjModel* m, mjData* d, Workspace* w, mjtNum* forces, mjtNum*
     }
     double inertia[2] = {0, 0};  // Mass and moment of inertia of the water near the body.
     w->solver.TouchingInertia(first, last, center, inertia);
-    const double share[2] = {1 / (1 + inertia[0] * mobility[0]), 1 / (1 + inertia[1] * mobility[1])};
     for (size_t i = first; i < last; ++i) {
       const Impulse& impulse = w->impulses[i];
-      double offset[3];
-      mju_cross(offset, center, impulse.linear);
-      for (int k = 0; k < 6; ++k) {
-        mjtNum &rest = pending[6 * i + k], &force = forces[6 * i + k];
-        rest += k < 3 ? impulse.linear[k] : impulse.angular[k - 3] - offset[k - 3];
-        force = share[k / 3] * rest / dt;
-        rest -= force * dt;
-      }
+      PassOn(impulse.linear, impulse.angular, center, inertia, mobility, dt, pending + 6 * i, forces + 6 * i);
     }
   }
 }

@@ -43,6 +43,22 @@ inline void DragTerms(const Particles& p, int i, const double change[3], double 
   terms[5] = x[0] * change[1] - x[1] * change[0];
 }
 
+// Converts the impulse of a step on a wall to its force in the next one. This lag of one step would be unstable if the
+// water is heavier than the body, so only a share of the pending impulse is applied per step; momentum is conserved.
+// `moment` is about the origin; `inertia` and `mobility` are those of the water near the body and of the body.
+inline void PassOn(const double linear[3], const double moment[3], const double center[3], const double inertia[2],
+                   const double mobility[2], double dt, double pending[6], double force[6]) {
+  const double offset[3] = {center[1] * linear[2] - center[2] * linear[1],
+                            center[2] * linear[0] - center[0] * linear[2],
+                            center[0] * linear[1] - center[1] * linear[0]};
+  for (int k = 0; k < 6; ++k) {
+    const double share = 1 / (1 + inertia[k / 3] * mobility[k / 3]);
+    pending[k] += k < 3 ? linear[k] : moment[k - 3] - offset[k - 3];
+    force[k] = share * pending[k] / dt;
+    pending[k] -= force[k] * dt;
+  }
+}
+
 }  // namespace
 }  // namespace softgym_mj
 
