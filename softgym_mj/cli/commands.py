@@ -35,14 +35,25 @@ class _Commands(typer.core.TyperGroup):
 
     def invoke(self, ctx):
         before = signal.getsignal(signal.SIGINT)
+        received = []
+
+        def interrupt(*signals):
+            received.append(signals)
+            raise KeyboardInterrupt
+
         try:
             if before is signal.SIG_DFL:  # `softgym_mj_command` sets it to end without a traceback.
-                signal.signal(signal.SIGINT, signal.default_int_handler)
+                signal.signal(signal.SIGINT, interrupt)
             return super().invoke(ctx)
-        except KeyboardInterrupt as interrupt:
+        except (KeyboardInterrupt, Exception) as error:
+            known = isinstance(error, KeyboardInterrupt)
+            if not known and not received:
+                raise
             before = signal.SIG_DFL  # A second Ctrl-C ends the process at once.
             signal.signal(signal.SIGINT, before)
-            typer.echo("; ".join(["interrupted", *map(str, interrupt.args)]), err=True)
+            # Libraries may turn the interrupt into another error, as ctypes into ArgumentError.
+            parts = map(str, error.args) if known else ()
+            typer.echo("; ".join(["interrupted", *parts]), err=True)
             raise typer.Exit(130) from None
         finally:
             signal.signal(signal.SIGINT, before)

@@ -1,5 +1,6 @@
 """Commands that are interrupted or killed: what they say, what they leave, and how they go on."""
 
+import ctypes
 import os
 import pathlib
 import random
@@ -8,10 +9,14 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import minari
 import pytest
+from typer.testing import CliRunner
 
+import softgym_mj
+from softgym_mj.cli.commands import app
 from tests.recording.test_kept_episodes import assert_same
 from tests.viewing.chromium import wait_until
 
@@ -66,11 +71,28 @@ def test_ctrl_c_ends_with_one_line(name, pause, tmp_path):
         finally:
             os.killpg(process.pid, signal.SIGINT)
         _, error = process.communicate(timeout=60)
-    assert process.returncode == 130
+    assert process.returncode == 130, error
     # Besides, dm_control may say that it cannot delete half an OpenGL context.
     assert sum(line.startswith("interrupted") for line in error.splitlines()) == 1, error
     assert "KeyboardInterrupt" not in error and "EOFError" not in error
     assert not [path for path in files(tmp_path) if path.endswith(".partial")]
+
+
+def test_ctrl_c_that_a_library_turns_into_another_error(monkeypatch):
+    class Number:
+        from_param = staticmethod(lambda number: signal.raise_signal(signal.SIGINT))
+
+    absolute = ctypes.CDLL(None).abs
+    absolute.argtypes = [Number]
+    monkeypatch.setattr(softgym_mj, "TASKS", SimpleNamespace(values=lambda: absolute(1)))
+    before = signal.signal(signal.SIGINT, signal.SIG_DFL)
+    try:
+        result = CliRunner().invoke(app, ["list"])
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert (result.exit_code, result.stderr) == (130, "interrupted\n")
+    with pytest.raises(ctypes.ArgumentError, match="KeyboardInterrupt"):
+        CliRunner().invoke(app, ["list"], catch_exceptions=False)
 
 
 @pytest.mark.parametrize("count", [4, pytest.param(40, marks=pytest.mark.slow)])
