@@ -17,23 +17,25 @@ def measured(name: str) -> Any:
 
 
 def rates() -> str:
-    """Env steps per second on a GPU, and the memory of most environments."""
-    found = measured("gpu")
+    """Env steps per second on a core and on a GPU, and the memory of most environments."""
+    found, on_cores = measured("gpu"), measured("throughput")
     numbers = sorted({int(number) for own in found["rates"].values() for number in own})
     rows = []
     for task in task_names(DOMAIN):
         by_number = found["rates"].get(task, {})
         own = [by_number.get(str(number)) for number in numbers]
+        on_core = on_cores["tasks"][task]["env_steps_per_second"]
         cells = [f"{rate['env_steps_per_s']:,.0f}" if rate else "not yet" for rate in own]
+        cells.insert(0, f"{on_core:,.0f}")
         cells.append(f"{own[-1]['memory_gb']:.1f}" if own[-1] else "")
         rows.append(f"| `{task}` | {' | '.join(cells)} |".replace("|  |", "| |"))
     head = " | ".join(f"{number:,}" for number in numbers)
     compiled = sum(found["compile_s"].values())
     machine = found["machine"]
     return (
-        f"{table(f'| task | {head} | GB of {numbers[-1]:,} |', rows)}\n\n"
+        f"{table(f'| task | one CPU core | {head} | GB of {numbers[-1]:,} |', rows)}\n\n"
         f"{machine['gpu']}, PyTorch {machine['torch']}; compiling the kernels took once "
-        f"{compiled:.0f} s."
+        f"{compiled:.0f} s. Core: {on_cores['machine']['processor']}."
     )
 
 
