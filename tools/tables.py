@@ -2,7 +2,7 @@
 
 That is docs/cameras.json, docs/experts.json, docs/throughput.json, docs/vector.json, those of
 tools/gpu_tables.py, docs/lab.csv, docs/rope_recordings.json, docs/cloth_recordings.json,
-docs/water_recordings.json, docs/rods.json, and docs/results.
+docs/water_recordings.json, and docs/results.
 """
 
 import json
@@ -28,7 +28,6 @@ from tools import (
     presets,
     published_commands,
     reality_table,
-    rod_tables,
     rope_tables,
     settings_table,
     water_tables,
@@ -247,7 +246,7 @@ def pages() -> dict[pathlib.Path, str]:
     texts[PICTURES] = between(texts[PICTURES], "gallery", stills())
     for name, of in gpu_tables.TABLES.items():
         texts[GPU] = between(texts[GPU], name, of())
-    for module in (lab_tables, rope_tables, rod_tables, cloth_tables, water_tables):
+    for module in (lab_tables, rope_tables, cloth_tables, water_tables):
         for name, of in module.TABLES.items():
             texts[REALITY] = between(texts[REALITY], name, of())
     texts[PHYSICS] = between(texts[PHYSICS], "lab", lab_tables.kept())

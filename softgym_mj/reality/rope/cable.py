@@ -6,7 +6,6 @@ import math
 import mujoco
 import numpy as np
 
-from softgym_mj.cloth import solver
 from softgym_mj.entities.flex import Flex
 from softgym_mj.exceptions import check_number
 from softgym_mj.reality.alone import compiled_alone, set_masses
@@ -29,9 +28,6 @@ class Properties:
         air_damping: Force of the air per length and speed [N s/m^2].
         radius: Half the thickness [m].
         length: Rest length between markers, relative to the measured one.
-        twist: Moment per twist [N m^2]; 0 means that the cable does not resist twist. Above 0 the
-            frames of both ends are held, even if their vertices are not.
-        friction: Friction coefficient of the cable on itself and on others.
     """
 
     density: float
@@ -42,8 +38,6 @@ class Properties:
     air_damping: float
     radius: float
     length: float = 1.0
-    twist: float = 0.0
-    friction: float = 0.0
 
     def __post_init__(self):
         for field in dataclasses.fields(self):
@@ -59,31 +53,24 @@ class Cable(Flex):
         self,
         spacing: np.ndarray,
         properties: Properties,
-        name: str = "cable",
-        timestep: float = solver.TIMESTEP,
-        substeps: int = SUBSTEPS,
     ):
         """Builds the cable.
 
         Args:
             spacing: Rest lengths (n - 1,) [m] between neighbors among n vertices.
             properties: Properties.
-            name: Model name.
-            timestep: Physics step [s].
-            substeps: Substeps of a step.
         """
-        self._start_model(name)
-        self.mjcf_model.option.timestep = self.timestep = timestep
+        self._start_model("cable")
         points = np.zeros((len(spacing) + 1, 3))
         points[1:, 0] = np.cumsum(spacing)
         indices = np.arange(len(points))
         elements = np.column_stack([indices[:-1], indices[1:]])
         flexcomp = self._add_flexcomp(points, elements, radius=properties.radius)
         flexcomp.mass = properties.density * points[-1, 0]
-        flexcomp.contact.friction = [properties.friction]
+        flexcomp.contact.friction = [0.0]
         self._properties = properties
         self._set_parameters()
-        self._instance.add("config", key="substeps", value=str(substeps))
+        self._instance.add("config", key="substeps", value=str(SUBSTEPS))
 
     def _set_parameters(self):
         self._set_material(
@@ -91,9 +78,7 @@ class Cable(Flex):
             bend=self._properties.bend,
             stretch_damping=self._properties.stretch_damping,
             bend_damping=self._properties.bend_damping,
-            twist=self._properties.twist,
-            twist_clamped=int(self._properties.twist > 0.0),
-            friction=self._properties.friction,
+            friction=0.0,
         )
 
     def after_compile(self, physics, random_state):
