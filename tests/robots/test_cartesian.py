@@ -84,8 +84,8 @@ def test_an_arm_tracks_smooth_motions_within_its_limits(case, motion):
         velocities.append(np.abs(arms.controller.velocity) / data.velocity_limits)
         joints = scene.data.qpos[arms.servos.positions_at]
         assert np.all((low <= joints) & (joints <= high))
-    assert np.mean(errors) < 0.003
-    assert np.max(errors) < 0.015
+    assert np.mean(errors) < 0.0015
+    assert np.max(errors) < 0.005
     assert np.max(torques) < 1.0
     assert np.max(velocities) < 1.0 + 1e-6
     assert arms.diagnostics()["ik_failures"] == 0

@@ -122,9 +122,6 @@ class FrictionGrasp(Grasp):
     ended, because the grip opened or the object slipped. Opening pads are not solid, so that the
     object does not stay hooked to them; they become solid again when they are clear of the object,
     or when they close.
-
-    119 of 120 edges of flat cloths are held when carried at 0.6 m/s, nine in ten within 19 mm
-    (`benchmarks/friction_grasp.py`).
     """
 
     # The pads must reach below the middle of a sheet, which is 5 mm high: with 4 mm, one edge in
