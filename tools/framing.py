@@ -1,16 +1,9 @@
-"""Visibility of objects in the task's cameras: docs/cameras.json.
-
-    python -m tools.framing --jobs 2
+"""Visibility of objects in the task's cameras, on variations `tools/cameras.py` did not frame.
 
 What is measured is rendered with a wider field of view: the middle of the image is the picture.
-Held-out variations only: `tools/cameras.py` has framed others. `make sheets` shows the figures.
 """
 
-import argparse
-import json
 import math
-import os
-import pathlib
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
@@ -18,14 +11,11 @@ import numpy as np
 
 import softgym_mj
 from softgym_mj.envs.environment import Environment
-from softgym_mj.parallel.executors import make_executor
 from softgym_mj.policies.factory import make_policy
-from softgym_mj.registry import TASKS
 from softgym_mj.rendering.observables import LABELS, LabeledView
 from softgym_mj.robots.arm.models import ARMS
 from softgym_mj.variations.indices import SPLITS
 
-FILE = pathlib.Path(__file__).parent.parent / "docs" / "cameras.json"
 ACTORS = ("default", *ARMS)  # Pickers or cups, arms.
 RESETS = SPLITS["evaluate"][::5]
 EPISODES = SPLITS["evaluate"][10::50]
@@ -99,38 +89,3 @@ def along(env: Environment, variations: Iterable[int]) -> list[Shown]:
     eye = Eye(env, SMALL)
     steps = (step for variation in variations for step in played(env, variation))
     return [eye.look() for step in steps if step % EVERY == 0]
-
-
-def measured(task: str, actor: str) -> dict[str, float]:
-    """The figures of a task with one of `ACTORS`."""
-    env = loaded(task, actor)
-    starts, frames = at_resets(env, RESETS), along(env, EPISODES)
-    return {
-        "inside_worst": min(one.inside for one in starts),
-        "share_mean": float(np.mean([one.share for one in starts])),
-        "share_worst": min(one.share for one in starts),
-        "share_episodes_median": float(np.median([one.share for one in frames])),
-        "whole_frames": float(np.mean([one.inside >= WHOLE for one in frames])),
-    }
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("tasks", nargs="*", default=[*TASKS], help="all if none is named")
-    parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--key", default="after", help='of the figures: "before" or "after"')
-    arguments = parser.parse_args()
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
-    calls = [(task, actor) for task in arguments.tasks for actor in ACTORS]
-    with make_executor(arguments.jobs) as executor:
-        figures = executor.all(measured, calls)
-    found = json.loads(FILE.read_text()) if FILE.exists() else {}
-    of_key = found.setdefault(arguments.key, {})
-    for (task, actor), values in zip(calls, figures, strict=True):
-        rounded = {name: round(value, 4) for name, value in values.items()}
-        of_key.setdefault(task, {})[actor] = rounded
-    FILE.write_text(json.dumps(found, indent=1) + "\n")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,6 +1,6 @@
 """Writes tables into README.md and docs: of the tasks, and of what was measured.
 
-That is docs/cameras.json, docs/experts.json, docs/throughput.json, docs/vector.json, those of
+That is docs/experts.json, docs/throughput.json, docs/vector.json, those of
 tools/gpu_tables.py, docs/lab.csv, docs/rope_recordings.json, docs/cloth_recordings.json,
 docs/water_recordings.json, and docs/results.
 """
@@ -19,7 +19,6 @@ from softgym_mj.robots.arm.models import ARMS
 from softgym_mj.variations.randomization import Parameter
 from tools import (
     cloth_tables,
-    framing,
     gallery,
     gpu_tables,
     grasp_table,
@@ -152,30 +151,6 @@ def processes() -> str:
     return f"{table(head, rows)}\n\n{on(found['machine'])}"
 
 
-def pictures() -> str:
-    """Visibility in the task's cameras, with pickers or cups and with arms."""
-    if not framing.FILE.exists():
-        return "Not yet measured."
-    found, rows = measured("cameras"), []
-    forms = {
-        "inside_worst": ".1f",
-        "share_mean": ".1f",
-        "share_worst": ".1f",
-        "whole_frames": ".0f",
-    }
-    for task in task_names(SOFTGYM):
-        for actor in framing.ACTORS:
-            if actor not in found["after"].get(task, {}):
-                continue  # Not yet measured.
-            cells = []
-            for key, form in forms.items():
-                pair = [100 * found[when][task][actor][key] for when in ("before", "after")]
-                cells.append(" / ".join(f"{value:{form}}" for value in pair))
-            rows.append(f"| `{task}` | {actor} | {' | '.join(cells)} |")
-    titles = "inside, worst | share, mean | share, worst | whole frames"
-    return table(f"| task | actor | {titles} |", rows)
-
-
 def overview(scores: experts.Scores) -> str:
     """The README's table of SoftGym's tasks: goals, scores, speeds."""
     rates, on_gpus = measured("throughput")["tasks"], measured("gpu")["rates"]
@@ -256,7 +231,6 @@ def pages() -> dict[pathlib.Path, str]:
     texts[RESULTS] = between(texts[RESULTS], "commands", published_commands.commands())
     texts[DOMAIN] = with_table(texts[DOMAIN], parameters())
     texts[VALIDATION] = between(texts[VALIDATION], "experts", experts.table(scores))
-    texts[VALIDATION] = between(texts[VALIDATION], "cameras", pictures())
     texts[RESULTS] = between(texts[RESULTS], "overview", learned.matrix())
     texts[RESULTS] = between(texts[RESULTS], "learned", learned.results())
     texts[RESULTS] = between(texts[RESULTS], "others", learned.others())

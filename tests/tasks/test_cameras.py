@@ -1,6 +1,5 @@
 """The tasks' cameras show the object: on variations that `tools/cameras.py` has not seen."""
 
-import json
 import math
 
 import numpy as np
@@ -158,11 +157,3 @@ def test_a_pyramid_touches_what_it_is_around():
         assert ends.max() == pytest.approx(1.0 - cameras.MARGIN, abs=0.01)
         back = np.subtract(place, middle)
         np.testing.assert_allclose(back / np.linalg.norm(back), direction.axes[2], atol=5e-3)
-
-
-def test_the_figures_are_of_all_tasks_of_softgym():
-    found = json.loads(framing.FILE.read_text())
-    for figures in found.values():
-        assert set(figures) == set(softgym_mj.registry.task_names("softgym"))
-        for actors in figures.values():
-            assert {"default"} < set(actors) <= set(framing.ACTORS)
