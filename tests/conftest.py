@@ -1,4 +1,4 @@
-"""Shared fixtures; a cache folder kept between runs, so that cloths are simulated once."""
+"""Shared fixtures; a cache folder kept between runs, for simulated cloths and compiled arms."""
 
 import gc
 import os
@@ -10,6 +10,9 @@ import sys
 # Before anything imports dm_control.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("SOFTGYM_MJ_CACHE", str(pathlib.Path(__file__).parent.parent / ".test_cache"))
+# JAX compiles the steps of arms, seconds each, once for all test files and runs.
+os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", f"{os.environ['SOFTGYM_MJ_CACHE']}/jax")
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.3")
 import gymnasium
 import numpy as np
 import pytest
