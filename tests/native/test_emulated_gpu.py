@@ -1,13 +1,16 @@
 """The kernels of batches by blocks of threads: what a GPU would do has the plugins' bits."""
 
+import hashlib
 import os
 import pathlib
 import shutil
 import subprocess
 import sys
+import tempfile
 
 import pytest
 
+from softgym_mj.native.caches import cache_folder
 from tests.native.emulated_steps import draw_and_check, push_and_check, step_and_check
 
 SOURCE = pathlib.Path(__file__).with_name("emulated_gpu.cc")
@@ -23,20 +26,29 @@ CASES = [
 ]
 
 
-def _compile(folder, *flags):
+def _compile(*flags):
+    """Compiles the kernels unless the cache has them, of the same preprocessed source."""
     compiler = shutil.which("g++")
     if compiler is None:
         pytest.skip("there is no g++")
-    file = folder / "emulated_gpu.so"
     usual = ["-std=c++20", "-ffp-contract=off", "-shared", "-fPIC", "-pthread"]
-    include = f"-I{ROOT / 'softgym_mj'}"
-    subprocess.run([compiler, *usual, *flags, include, "-o", file, SOURCE], check=True)
+    command = [compiler, *usual, *flags, f"-I{ROOT / 'softgym_mj'}", SOURCE]
+    source = subprocess.run([*command, "-E", "-P"], check=True, capture_output=True).stdout
+    version = subprocess.run([compiler, "--version"], check=True, capture_output=True).stdout
+    key = hashlib.sha256(repr((source, version, flags)).encode()).hexdigest()
+    file = cache_folder() / "emulated_gpu" / f"{key}.so"
+    if not file.exists():
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=file.parent) as folder:
+            made = pathlib.Path(folder) / file.name
+            subprocess.run([*command, "-o", made], check=True)
+            made.replace(file)
     return file
 
 
 @pytest.fixture(name="emulated", scope="module")
-def _emulated(tmp_path_factory):
-    return _compile(tmp_path_factory.mktemp("emulated"), "-O1", "-DSGM_SOLIDS=0")
+def _emulated():
+    return _compile("-O1", "-DSGM_SOLIDS=0")
 
 
 @pytest.mark.parametrize(("task", "variation"), CASES)
@@ -44,8 +56,8 @@ def test_a_block_makes_the_steps_of_the_plugin(emulated, task, variation):
     step_and_check(emulated, task, variation, OF_WATER if "water" in task else STEPS)
 
 
-def test_a_block_lets_hands_push_as_a_thread_does(tmp_path):
-    push_and_check(_compile(tmp_path, "-O1"), 3)
+def test_a_block_lets_hands_push_as_a_thread_does():
+    push_and_check(_compile("-O1"), 3)
 
 
 @pytest.mark.parametrize("task", ["straighten_rope", "drop_cloth", "pour_water"])
@@ -54,8 +66,8 @@ def test_a_block_draws_the_same(emulated, task):
 
 
 @pytest.mark.slow
-def test_threads_of_a_block_do_not_race(tmp_path):
-    file = _compile(tmp_path, "-O1", "-g", "-fsanitize=thread", "-DBY_THREADS")
+def test_threads_of_a_block_do_not_race():
+    file = _compile("-O1", "-g", "-fsanitize=thread", "-DBY_THREADS")
     found = subprocess.run(
         ["g++", "-print-file-name=libtsan.so"], check=True, capture_output=True, text=True
     )
