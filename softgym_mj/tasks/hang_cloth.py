@@ -13,6 +13,7 @@ from softgym_mj.robots.workspace import Workspace
 from softgym_mj.tasks.shared import entries
 from softgym_mj.tasks.shared.base import Task
 from softgym_mj.tasks.shared.entries import Entries
+from softgym_mj.tasks.shared.guidance import guided
 from softgym_mj.tasks.shared.settings import ClothTaskSettings
 from softgym_mj.tasks.shared.starts.cloths import FlatTowel
 from softgym_mj.tasks.shared.state import Episode, State
@@ -42,8 +43,10 @@ class HangCloth(Task):
     Observations: `reduced` (default) lists corners p1 p2 p3 p4, the top of the bar and picker 0,
     picker 1 (x, y, z each): 21 entries [m]. `OBSERVATIONS` of `tasks.shared.observations` lists the
     others.
-    Reward = performance: twice the share of the towel that hangs on the side of the bar where less
-    of it hangs. Cloth on the floor or above the bar does not count.
+    Reward = p + (1 - p) a / 2. Performance p: twice the share of the towel that hangs on the side
+    of the bar where less of it hangs; cloth on the floor or above the bar does not count. Approach
+    a = 1 - |u| / |u at the start|: u is the mean distance of the towel from the top of the bar,
+    which is negative except beyond the bar if the towel passes over it.
     Bounds: lower = 0 (the start), upper = 1 (both halves hang).
     Horizon: 100 env steps of 8 sim steps; nothing else ends an episode.
     Start: the towel, 0.36 to 0.5 m by 0.24 to 0.34 m, lies flat beside the bar, rotated by up to 10
@@ -110,15 +113,17 @@ class HangCloth(Task):
         return True
 
     def goal(self, variation: int, points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Returns X, Z and the radius [m] of the bar."""
-        return {"bar": np.array([BAR_X, *self.bar(variation)])}
+        """Returns X, Z and radius "bar" (3,) of the bar, and `passage` "start" () [m]."""
+        bar = np.array([BAR_X, *self.bar(variation)])
+        return {"bar": bar, "start": passage(self.cloth.arrays, points["cloth"], bar)}
 
     def measure(self, state: State, episode: Episode) -> Measures:
         shape, points = episode.shapes["cloth"], state.points["cloth"]
         near, far = hanging(shape, points, episode.goal["bar"])
         performance = 2.0 * metrics.namespace(points).minimum(near, far)
+        away = passage(shape, points, episode.goal["bar"]) / episode.goal["start"]
         info = {"hanging_near": near, "hanging_far": far}
-        return Measures(performance, {"hanging": performance}, info)
+        return guided("hanging", performance, 1.0 - abs(away), info)
 
     def reduced(self, state: State, episode: Episode) -> Entries:
         x, z, radius = (episode.goal["bar"][..., i] for i in range(3))
@@ -136,10 +141,8 @@ def hanging(shape: Mapping[str, Array], points: Array, bar: Array) -> tuple[Arra
         shape, points: as in `metrics.particles`.
         bar: (..., 3) X, Z and radius [m].
     """
-    sheet, xp = metrics.particles(shape, points), metrics.namespace(points)
-    counts = metrics.flat(shape["rows"][..., :, None] * shape["columns"][..., None, :])
-    x, z, radius = (bar[..., i, None] for i in range(3))
-    aside, height = metrics.flat(sheet[..., 0]) - x, metrics.flat(sheet[..., 2])
+    aside, height, counts = _across(shape, points, bar)
+    z, radius, xp = bar[..., 1, None], bar[..., 2, None], metrics.namespace(points)
     top = z + radius + MARGIN
     lies = (xp.abs(aside) < radius) & (height > z) & (height < top) & (counts > 0.0)
     lies = xp.astype(xp.any(lies, axis=-1), xp.float64)
@@ -147,3 +150,28 @@ def hanging(shape: Mapping[str, Array], points: Array, bar: Array) -> tuple[Arra
     side = xp.clip(0.5 + aside / (2 * MARGIN), 0.0, 1.0)
     near, far = (metrics.mean(hangs * part, counts) for part in (1.0 - side, side))
     return lies * near, lies * far
+
+
+def passage(shape: Mapping[str, Array], points: Array, bar: Array) -> Array:
+    """Returns how far (...) [m] a cloth has passed over a bar: 0 if it lies evenly on it.
+
+    It is the mean distance of the particles from the top of the bar, in a plane across the bar.
+    Distances of particles beyond the bar are positive if some particle is above the bar, as in a
+    cloth that passes over it; all others are negative.
+
+    Args:
+        shape, points, bar: as in `hanging`.
+    """
+    aside, height, counts = _across(shape, points, bar)
+    z, radius, xp = bar[..., 1, None], bar[..., 2, None], metrics.namespace(points)
+    over = (xp.abs(aside) < radius) & (height > z) & (counts > 0.0)
+    beyond = (aside > 0.0) & xp.any(over, axis=-1)[..., None]
+    distances = xp.sqrt(aside**2 + (height - z - radius) ** 2)
+    return metrics.mean(xp.where(beyond, distances, -distances), counts)
+
+
+def _across(shape: Mapping[str, Array], points: Array, bar: Array) -> tuple[Array, Array, Array]:
+    """Returns X from the bar, Z [m] and weights (..., n) of a cloth's particles."""
+    sheet = metrics.particles(shape, points)
+    counts = metrics.flat(shape["rows"][..., :, None] * shape["columns"][..., None, :])
+    return metrics.flat(sheet[..., 0]) - bar[..., 0, None], metrics.flat(sheet[..., 2]), counts

@@ -9,7 +9,7 @@ import softgym_mj
 from softgym_mj.entities.cloth import PARTICLE_SPACING
 from softgym_mj.exceptions import InvalidArgumentError, SnapshotError
 from softgym_mj.policies.factory import make_policy
-from softgym_mj.tasks.hang_cloth import BAR_X, BARS, CLEAR, FRICTION, RESTING, HangCloth
+from softgym_mj.tasks.hang_cloth import BAR_X, BARS, CLEAR, FRICTION, RESTING, HangCloth, passage
 from softgym_mj.variations.indices import SPLITS
 
 HALF = 0.005  # [m] Half the thickness of cloth.
@@ -48,7 +48,65 @@ def draped(env, share):
 def test_an_evenly_hanging_cloth_scores_the_upper_bound(env):
     measures = score(env, draped(env, 0.5))
     assert measures.performance == pytest.approx(1.0, abs=2e-3)
+    assert measures.reward == pytest.approx(1.0, abs=2e-3)
     assert env.task.bounds(env.task.episode) == (0.0, 1.0)
+
+
+def passed(env, points):
+    """Mean signed distance [m] of the cloth with its vertices at points (n, 3) [m] from the bar."""
+    task = env.task
+    return passage(task.cloth.arrays, points, task.episode.goal["bar"])
+
+
+def test_the_passage_is_the_mean_signed_distance_from_the_top_of_the_bar(env):
+    columns, ones = 5, np.ones(2)
+    shape = {  # Its vertices are the particles.
+        "grid": np.arange(2 * columns).reshape(2, columns),
+        "by_row": np.eye(2),
+        "by_column": np.eye(columns),
+        "rows": ones,
+        "columns": np.ones(columns),
+    }
+    x, z, radius = bar = np.array([0.1, 0.33, 0.02])
+    near, far, above = (-0.3, -0.4), (0.5, -1.2), (0.01, 0.2)  # Distances 0.5, 1.3 and 0.2002 m.
+    top = math.hypot(*above)
+    for places, expected in (
+        ([near] * 5, -0.5),
+        ([near, near, far, far, far], -(2 * 0.5 + 3 * 1.3) / 5),  # Below the bar.
+        ([near, near, above, far, far], (-2 * 0.5 + top + 2 * 1.3) / 5),  # Over it.
+        ([near, near, near, near, above], (-4 * 0.5 + top) / 5),
+    ):
+        along, height = np.array(places * 2).T
+        points = np.column_stack([x + along, np.repeat([-1.0, 1.0], columns), z + radius + height])
+        assert passage(shape, points, bar) == pytest.approx(expected, abs=1e-12)
+    for share in (0.2, 0.5, 0.65):
+        # Distances grow evenly on both sides; chords of the bar are up to 1 cm shorter than arcs.
+        expected = (2.0 * share - 1.0) * env.task.cloth.size[0] / 2.0
+        assert passed(env, draped(env, share)) == pytest.approx(expected, abs=0.01)
+
+
+def test_the_reward_grows_along_the_way_over_the_bar(env):
+    x, z, radius = env.task.episode.goal["bar"]
+    flat, length = env.task.cloth.flat(), env.task.cloth.size[0]
+    from_end = length / 2.0 - flat[:, 0]
+
+    def lifted(height):
+        """Held by the last column beside the bar; what does not hang lies on the floor."""
+        down = np.minimum(from_end, height)
+        places = x - 0.1 - (from_end - down), flat[:, 1], np.maximum(height - down, HALF)
+        return np.column_stack(places)
+
+    way = [lifted(height) for height in np.linspace(0.02, z + radius, 8)]
+    way += [draped(env, share) + [0.0, 0.0, 0.05] for share in (0.1, 0.2, 0.3)]  # Above the bar.
+    way += [draped(env, share) for share in (0.3, 0.4, 0.5)]
+    measures = [score(env, points) for points in way]
+    assert (np.diff([each.reward for each in measures]) > 0.01).all()
+    assert [each.performance > 0.0 for each in measures] == [False] * 11 + [True] * 3
+    start = abs(passed(env, env.task.episode.points["cloth"]))
+    for points, each in zip(way, measures, strict=True):
+        approach = 1.0 - abs(passed(env, points)) / start
+        expected = each.performance + (1.0 - each.performance) * approach / 2.0
+        assert each.reward == pytest.approx(expected, abs=1e-9)
 
 
 @pytest.mark.parametrize("share", [0.3, 0.4, 0.65])
@@ -93,7 +151,7 @@ def test_doing_nothing_scores_nothing(env):
     env.reset(801)
     zero = np.zeros(env.action_spec().shape)
     rewards = [env.step(zero).reward for _ in range(5)]
-    assert rewards == [0.0] * 5
+    assert rewards == pytest.approx([0.0] * 5, abs=1e-6)
     assert env.info()["normalized_performance"] == 0.0
     points = env.task.cloth.points()
     assert points[:, 2].max() < RESTING and points[:, 0].max() < BAR_X
@@ -130,18 +188,25 @@ def test_the_longest_towel_hangs_clear_of_the_floor():
 
 
 def play(variation, **settings):
-    env = softgym_mj.load("hang_cloth", split="all", **settings)
+    """The environment after an episode of the expert, and rewards and performances (n,) of it."""
+    env, found = softgym_mj.load("hang_cloth", split="all", **settings), []
     timestep = env.reset(variation)
     policy = make_policy("scripted", env)
     while not timestep.last():
         timestep = env.step(policy(timestep))
-    return env
+        found.append((timestep.reward, env.task.last_evaluation.performance))
+    return env, *np.array(found).T
 
 
 @pytest.mark.parametrize("bars", BARS)
 def test_the_expert_hangs_the_towel_which_touches_the_bar_without_entering_it(bars):
-    env = play(803, bars=bars)
+    env, rewards, performances = play(803, bars=bars)
     assert env.info()["normalized_performance"] > 0.8
+    # The reward leads there: it grows from the grasp until the towel lies on the bar.
+    before = rewards[: np.argmax(performances > 0.0)]
+    assert (
+        before[-1] > 0.3 and (np.diff(before) > -1e-6).all() and (np.diff(before[-8:]) > 0.01).all()
+    )
     assert max(env.task.actor.held) < 0
     x, z, radius = env.task.episode.goal["bar"]
     particles = env.task.cloth.particles()
@@ -152,7 +217,7 @@ def test_the_expert_hangs_the_towel_which_touches_the_bar_without_entering_it(ba
 
 @pytest.mark.parametrize("actor", ["franka"])
 def test_arms_hang_the_towel(actor):
-    env = play(804, actor=actor)
+    env, _, _ = play(804, actor=actor)
     assert env.info()["normalized_performance"] > 0.6
     assert env.info()["picks_held"] == 0
 
@@ -165,9 +230,10 @@ def test_a_towel_that_hangs_by_an_edge_slides_off_and_another_stays(env, share):
     assert score(env, points).performance == pytest.approx(2 * share, abs=0.03)
     zero = np.zeros(env.action_spec().shape)
     for _ in range(25):
-        timestep = env.step(zero)
+        env.step(zero)
+    performance = env.task.last_evaluation.performance
     if share < 1.0 / (1.0 + math.exp(math.pi * FRICTION)):  # By the capstan equation.
-        assert timestep.reward == 0.0
+        assert performance == 0.0
         assert env.task.cloth.points()[:, 2].max() < 0.1
     else:
-        assert timestep.reward == pytest.approx(2 * share, abs=0.06)
+        assert performance == pytest.approx(2 * share, abs=0.06)
