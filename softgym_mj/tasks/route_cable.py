@@ -13,6 +13,7 @@ from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.workspace import ToolStart, Workspace
 from softgym_mj.tasks.shared.base import Task
 from softgym_mj.tasks.shared.entries import Entries, points
+from softgym_mj.tasks.shared.guidance import guided
 from softgym_mj.tasks.shared.settings import TaskSettings
 from softgym_mj.tasks.shared.state import Episode, State
 from softgym_mj.tasks.shared.symmetry import anywhere
@@ -69,8 +70,9 @@ class RouteCable(Task):
     Observations: `reduced` (default) lists 10 key points of the rope, the ends of 5 gates that it
     has to pass, from left to right, and picker 0, picker 1 (x, y, z each): 66 entries [m].
     `OBSERVATIONS` of `tasks.shared.observations` lists the others.
-    Reward = performance: mean over the gates of 1 - d / 2.5 cm, at least 0, with the distance d of
-    the rope from the gate: a segment on the table beside a peg or across a clip.
+    Reward = p + (1 - p) a / 2. Performance p: mean over the gates of 1 - d / 2.5 cm, at least 0,
+    with the distance d of the rope from the gate: a segment on the table beside a peg or across a
+    clip. Approach a = 1 - (mean of d) / (mean of d at the start).
     Bounds: lower = 0 (the start), upper = 1 (all gates).
     Horizon: 100 env steps of 8 sim steps; nothing else ends an episode.
     Start: the rope lies straight 0.14 to 0.18 m beside the pegs, rotated by up to 15 degrees. The
@@ -178,11 +180,17 @@ class RouteCable(Task):
         return ToolStart((0.0, START_Y / 2, self.reset_height), self.workspace)
 
     def goal(self, variation: int, points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Returns the ends of the gates (5, 2, 3) [m], and the rope on its route "rope" (n, 3)."""
+        """Returns places [m] on the table.
+
+        They are the ends of the "gates" (5, 2, 3), the rope on its route "rope" (n, 3), and the
+        mean distance of the rope from the gates at the "start" ().
+        """
         gates, route = self.gates(variation), self.route(variation, self.rope.num_points)
         height = np.full((*gates.shape[:2], 1), self.rope.radius)
+        gates = np.concatenate([gates, height], axis=-1)
         return {
-            "gates": np.concatenate([gates, height], axis=-1),
+            "gates": gates,
+            "start": np.array(gate_distances(points["rope"], gates).mean()),
             "rope": np.column_stack([route, np.full(len(route), self.rope.radius)]),
         }
 
@@ -192,7 +200,8 @@ class RouteCable(Task):
         near = xp.clip(1.0 - away / REACH, 0.0, 1.0)
         performance = xp.mean(near, axis=-1)
         passed = xp.mean(xp.astype(away <= 0.0, xp.float64), axis=-1)
-        return Measures(performance, {"near_gates": performance}, {"gates_passed": passed})
+        approach = 1.0 - xp.mean(away, axis=-1) / episode.goal["start"]
+        return guided("near_gates", performance, approach, {"gates_passed": passed})
 
     def reduced(self, state: State, episode: Episode) -> Entries:
         rope, gates = state.points["rope"], episode.goal["gates"]

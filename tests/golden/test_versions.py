@@ -20,7 +20,7 @@ DECIDED = {
     "pour_water": (0, "1c2027b8689698a7"),
     "pour_water_amount": (0, "38a0debf6ff4f1bd"),
     "rope_configuration": (0, "e523e605e8ac278a"),
-    "route_cable": (0, "655f7bc5708f3d03"),
+    "route_cable": (0, "92e50895276d8549"),
     "spread_cloth": (0, "f9cea3dfdf751f0c"),
     "straighten_rope": (0, "56d57d3bc6dd58de"),
     "transport_water": (0, "2447ffd7170d5df0"),

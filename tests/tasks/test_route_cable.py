@@ -92,7 +92,28 @@ def test_a_rope_starts_away_from_all_gates(routes):
         env.reset(variation)
         assert env.info()["normalized_performance"] == 0.0
     for _ in range(5):
-        assert env.step(np.zeros(env.action_spec().shape)).reward == 0.0
+        reward = env.step(np.zeros(env.action_spec().shape)).reward
+        assert reward == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_reward_grows_as_the_rope_comes_nearer(env):
+    start, goal = env.task.episode.points["rope"], env.task.episode.goal
+    away = gate_distances(start, goal["gates"]).mean()
+    assert goal["start"] == away > REACH
+    line = start + [0.0, 0.8 * (goal["rope"][:, 1] - start[:, 1]).mean(), 0.0]
+    ways = ((start, line), (line, goal["rope"]))  # Carried towards the pegs, then around them.
+    found = []
+    for first, last in ways:
+        for share in np.linspace(0.0, 1.0, 6):
+            points = first + share * (last - first)
+            measures = measure(env, points)
+            performance = measures.performance
+            approach = 1.0 - gate_distances(points, goal["gates"]).mean() / away
+            expected = performance + (1.0 - performance) * approach / 2.0
+            assert measures.reward == pytest.approx(expected, abs=1e-12)
+            found.append(measures.reward)
+    assert found[0] == 0.0 and found[-1] > 0.95
+    assert (np.diff(found) > 0.01).sum() == len(found) - 2  # The ways meet in equal points.
 
 
 def test_routes_of_each_category_have_their_sizes_and_solids_leave_room_for_the_rope():
