@@ -5,13 +5,11 @@ import copy
 import pytest
 import torch
 
-import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.curl import CURL, CURLSettings, make
 from softgym_mj.learning.methods.pixels import cropped
 from softgym_mj.learning.networks import drawn, generators
-from softgym_mj.learning.registry import find_preset
 from tests.learning.test_pixels import (
     ACTION,
     TINY,
@@ -116,22 +114,6 @@ def test_it_learns_to_move_a_bar():
         alpha=0.01, tau=0.05, actor_every=1, target_every=1,
     )  # fmt: skip
     check_it_learns(CURL(settings, [0, 1], 1), 18, 200)
-
-
-@pytest.mark.parametrize("preset", ["paper", "fast"])
-def test_presets_suit_every_task(preset):
-    halved = {"straighten_rope", "spread_cloth"}
-    for task in softgym_mj.TASKS:
-        training, method = find_preset("curl", preset, task)
-        settings, folds = method.settings, task == "fold_cloth"
-        ratio = settings.updates / training.num_envs
-        assert training.observation == "rgb" and ratio == (1.0 if preset == "paper" else 0.25)
-        assert training.reward_scale == (20.0 if "water" in task else 50.0)
-        assert settings.actor_rate == settings.critic_rate == (1e-4 if folds else 3e-4)
-        assert settings.alpha_rate == (2e-5 if folds else 1e-3)
-        assert settings.lr_halving_period / ratio == (
-            150_000 if task in halved else 0
-        )  # Env steps.
 
 
 def test_bad_settings_are_refused():

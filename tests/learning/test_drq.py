@@ -3,12 +3,10 @@
 import pytest
 import torch
 
-import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.drq import DrQ, DrQSettings, make
 from softgym_mj.learning.networks import drawn
-from softgym_mj.learning.registry import find_preset
 from softgym_mj.learning.replay import Batch
 from tests.learning.test_pixels import (
     ACTION,
@@ -108,17 +106,6 @@ def test_it_learns_to_move_a_bar():
         alpha=0.01, tau=0.05, actor_every=1, target_every=1,
     )  # fmt: skip
     check_it_learns(DrQ(settings, [0, 1], (16, 16), 1), 16, 120)
-
-
-@pytest.mark.parametrize("preset", ["paper", "fast"])
-def test_presets_suit_every_task(preset):
-    for task in softgym_mj.TASKS:
-        training, method = find_preset("drq", preset, task)
-        ratio = method.settings.updates / training.num_envs
-        assert training.observation == "rgb" and ratio == (1.0 if preset == "paper" else 0.25)
-        assert training.reward_scale == (20.0 if "water" in task else 50.0)
-        assert method.settings.actor_rate == method.settings.alpha_rate == 1e-3
-        assert method.settings.tanh and method.settings.pad == 6
 
 
 def test_bad_settings_are_refused():

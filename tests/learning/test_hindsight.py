@@ -15,7 +15,7 @@ from softgym_mj.learning.methods import hindsight
 from softgym_mj.learning.methods.hindsight import HindsightReplay, HindsightSAC, HindsightSettings
 from softgym_mj.learning.networks import drawn, generators
 from softgym_mj.learning.off_policy import OffPolicy
-from softgym_mj.learning.registry import find_method, find_preset
+from softgym_mj.learning.registry import find_method
 from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.training import Training
 from softgym_mj.metrics import Measures
@@ -206,13 +206,6 @@ def test_it_learns_to_reach_points_that_it_hardly_ever_meets():
     for _ in range(20):
         episodes(num_envs, True)
     assert episodes(200, False).mean() > -0.6  # Without hindsight it stays as it was.
-
-
-def test_presets_suit_tasks_that_draw_their_goal():
-    for task in ("rope_configuration", "pour_water_amount"):
-        training, method = find_preset("sac_hindsight", "fast", task)
-        assert training.observation == "full" and method.settings.share == 0.8
-        assert method.settings.symmetric == (task == "rope_configuration")
 
 
 def test_what_cannot_be_is_refused(tmp_path):

@@ -7,7 +7,6 @@ import pytest
 import torch
 from torch import nn
 
-import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.methods.planet.latent import WorldModel, centered
@@ -20,7 +19,7 @@ from softgym_mj.learning.methods.planet.learner import (
     plan,
 )
 from softgym_mj.learning.networks import drawn, generators
-from softgym_mj.learning.registry import find_method, find_preset
+from softgym_mj.learning.registry import find_method
 from softgym_mj.learning.settings import TrainingSettings
 from tests.learning.plain_layers import plain_layer
 
@@ -401,27 +400,6 @@ SETTINGS = TrainingSettings(
     "straighten_rope", observation="rgb", image_size=(SIZE, SIZE), env_steps=32, num_envs=2,
     part=16, evaluate_every=2, episodes=1, final_episodes=1, fidelity="fast", episode_steps=6,
 )  # fmt: skip
-
-
-def test_presets_suit_every_task():
-    for task in softgym_mj.TASKS:
-        published, ours = (find_preset("planet", name, task) for name in ("paper", "fast"))
-        for training, method in (published, ours):
-            own = method.settings
-            assert training.observation == "rgb" and training.image_size == (128, 128)
-            # 100 updates for 900 env steps (paper).
-            assert own.updates * 900 == 100 * training.num_envs
-            assert own.random_steps >= (own.length - 1) * training.num_envs
-        assert published[1].settings == PlaNetSettings()
-        assert published[0].reward_scale == 1.0
-        assert ours[0].reward_scale == (20.0 if task.endswith(("water", "amount")) else 50.0)
-        assert (ours[1].settings.bits, ours[1].settings.evaluation_noise) == (8, 0.0)
-        training, method = find_preset("planet", "minutes", task)
-        own = method.settings
-        assert tuple(training.image_size) == (64, 64)
-        assert training.reward_scale == ours[0].reward_scale
-        assert own.updates * 900 == 100 * training.num_envs and own.bfloat16 and own.fused
-        assert (own.batch, own.length, own.channels, own.bits) == (50, 50, 256, 8)
 
 
 def test_bad_settings_are_refused():

@@ -5,9 +5,11 @@ import re
 
 import pytest
 
+import softgym_mj
 from softgym_mj.cli import commands
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.registry import METHODS, find_preset, preset_names
+from softgym_mj.learning.setup import check_settings
 
 CASES = [(method, preset) for method in METHODS for preset in preset_names(method)]
 
@@ -19,6 +21,25 @@ def train(monkeypatch, *arguments):
     with pytest.raises(SystemExit) as ended:
         commands.main()
     return ended.value.code
+
+
+# Updates per env step by the papers and their authors' code.
+PAPERS = {"curl": 1.0, "drq": 1.0, "planet": 100 / 900, "wu": 2 / 16, "rlpd": 20.0}
+DEFAULTS = "planet", "wu"  # Methods whose defaults are the paper's settings.
+LIMITED = {"wu": ("spread_cloth", "fold_cloth"),
+           "sac_hindsight": ("rope_configuration", "pour_water_amount")}  # fmt: skip
+
+
+@pytest.mark.parametrize(("method", "preset"), CASES)
+def test_presets_suit_every_task(method, preset):
+    for task in LIMITED.get(method, softgym_mj.TASKS):
+        training, made = find_preset(method, preset, task)
+        assert (training.task, made.name, made.preset) == (task, method, preset)
+        check_settings(training, made)
+        if preset == "paper" and method in PAPERS:
+            assert made.settings.updates == pytest.approx(PAPERS[method] * training.num_envs)
+        if preset == "paper" and method in DEFAULTS:
+            assert made.settings == type(made.settings)()
 
 
 @pytest.mark.parametrize(("method", "preset"), CASES)

@@ -5,13 +5,12 @@ import dataclasses
 import pytest
 import torch
 
-import softgym_mj
 from softgym_mj.learning.demonstrations import replay_of
 from softgym_mj.learning.learner import Step
 from softgym_mj.learning.methods.rlpd import RLPD, RLPDSettings, least
 from softgym_mj.learning.methods.sac import SAC
 from softgym_mj.learning.networks import drawn
-from softgym_mj.learning.registry import find_method, find_preset
+from softgym_mj.learning.registry import find_method
 from softgym_mj.learning.replay import Batch
 from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.training import Training
@@ -170,16 +169,3 @@ def test_demonstrations_have_the_discount_of_what_was_done(tmp_path):
     assert training.learner.updates == 4 * (24 - 4) // 2
     shown = training.learner.algorithm._shown.sample(9)
     assert shown.discount.max() == pytest.approx(0.99**2)
-
-
-@pytest.mark.parametrize("preset", ["paper", "fast"])
-def test_presets_suit_every_task(preset):
-    for task in softgym_mj.TASKS:
-        training, method = find_preset("rlpd", preset, task)
-        settings = method.settings
-        assert settings.symmetric == (preset == "fast" and "water" not in task)
-        assert (settings.critics, settings.least_of, settings.norm) == (10, 2, True)
-        assert settings.updates % settings.actor_every == 0
-    if preset == "paper":  # 20 updates of 256 for each env step; all else are the defaults.
-        assert (settings.updates, 2 * settings.batch) == (20 * training.num_envs, 256)
-        assert dataclasses.replace(settings, updates=20) == RLPDSettings()

@@ -11,7 +11,7 @@ from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.wu.cloth_pixels import cloth_pixels, pixel_centers
 from softgym_mj.learning.methods.wu.learner import PickAndPlace, WuSettings, make
 from softgym_mj.learning.networks import LayerNorm, Linear, drawn, generators
-from softgym_mj.learning.registry import find_method, find_preset
+from softgym_mj.learning.registry import find_method
 from softgym_mj.learning.replay import Batch
 from softgym_mj.learning.settings import TrainingSettings
 
@@ -269,21 +269,6 @@ SETTINGS = TrainingSettings(
 
 
 # ------------------------------------------------------------------ settings
-
-
-def test_presets_suit_cloth():
-    for task in ("spread_cloth", "fold_cloth"):
-        training, method = find_preset("wu", "paper", task)
-        assert (training.observation, training.actor) == ("rgb", "pixel_pick_and_place")
-        assert tuple(training.image_size) == (64, 64) and training.num_envs == 16
-        assert method.settings.batch == 1024 and method.settings.log_std == (-20.0, 2.0)
-        training, method = find_preset("wu", "minutes", task)
-        # Two updates of 1,024 for 16 places (paper).
-        assert 16 * method.settings.updates == 2 * training.num_envs
-        assert method.settings.batch == 1024 and method.settings.bfloat16
-    # What the configuration of the paper's time leaves out is a default.
-    paper = find_preset("wu", "paper", "spread_cloth")[1].settings
-    assert paper == WuSettings()
 
 
 def test_bad_settings_are_refused():
