@@ -149,7 +149,8 @@ def play(variation, **settings):
 
 
 @pytest.mark.parametrize(
-    ("variation", "cuts"), [(SHORT, "usual"), (LONG, "usual"), (SHORT, "unseen")]
+    ("variation", "cuts"),
+    [pytest.param(SHORT, "usual", marks=pytest.mark.long), (LONG, "usual"), (SHORT, "unseen")],
 )
 def test_the_expert_folds_shirts_and_dresses_without_crossing_layers(variation, cuts):
     env = play(variation, cuts=cuts)

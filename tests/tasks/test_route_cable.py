@@ -157,7 +157,7 @@ def test_the_route_keeps_clear_of_pegs_and_jaws_of_the_model(routes):
         other.set_state(env.get_state())
 
 
-@pytest.mark.parametrize("routes", ROUTES)
+@pytest.mark.parametrize("routes", ["usual", pytest.param("unseen", marks=pytest.mark.long)])
 def test_the_expert_routes_the_rope(routes):
     env = softgym_mj.load("route_cable", split="all", routes=routes)
     timestep = env.reset(800)
