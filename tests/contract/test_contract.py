@@ -147,6 +147,7 @@ def test_dm_control_suite_loads_the_tasks():
     env.reset()
     assert env.task.variation == 801
     assert env.physics.model.ncam >= 2
+    assert suite.load("cartpole", "balance").action_spec().shape == (1,)
 
 
 @few_cases

@@ -1,9 +1,8 @@
-"""Goals beside observations: rewards of both are the environment's, and other libraries learn."""
+"""Goals beside observations: rewards of both are the environment's."""
 
 import gymnasium
 import numpy as np
 import pytest
-from stable_baselines3 import SAC, HerReplayBuffer
 from stable_baselines3.common.env_checker import check_env
 
 import softgym_mj
@@ -56,17 +55,9 @@ def test_observations_lack_the_goal(observation):
     env.close()
 
 
-def test_stable_baselines3_learns_with_hindsight():
+def test_stable_baselines3_finds_nothing_wrong():
     env = _made(ROPE, horizon=8)
     check_env(env)
-    model = SAC(
-        "MultiInputPolicy", env, learning_starts=16, batch_size=16, buffer_size=100, seed=0,
-        replay_buffer_class=HerReplayBuffer, replay_buffer_kwargs={"n_sampled_goal": 4},
-        policy_kwargs={"net_arch": [8]}, device="cpu",
-    )  # fmt: skip
-    model.learn(24)
-    relabeled = model.replay_buffer.sample(64)
-    assert (relabeled.rewards <= 0.0).all() and (relabeled.rewards == 0.0).any()
     env.close()
 
 

@@ -150,21 +150,6 @@ def test_a_file_of_another_specification(store, tmp_path):
             store.get(1)
 
 
-def test_an_interrupted_write_leaves_the_old_file(store, monkeypatch):
-    store.put(1, "old")
-    before = contents(store)
-
-    def interrupted(*_):
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr(os, "replace", interrupted)
-        for key in (1, 2):
-            with pytest.raises(KeyboardInterrupt):
-                store.put(key, "new")
-    assert contents(store) == before
-
-
 # ---------------------------------------------------------------- specifications
 
 
