@@ -52,6 +52,7 @@ CASES = {
 
 # Methods with the networks of drq and of distill.
 SAME_POLICIES = ("curl", "teacher_student")
+LONG = (*SAME_POLICIES, "sac_hindsight", "wu")  # The others have their learners and more.
 
 
 class _Killed(Exception):
@@ -61,7 +62,7 @@ class _Killed(Exception):
 @pytest.fixture(
     name="train",
     scope="module",
-    params=[pytest.param(name, marks=pytest.mark.long if name == "wu" else ()) for name in METHODS],
+    params=[pytest.param(name, marks=pytest.mark.long if name in LONG else ()) for name in METHODS],
 )
 def _train(request, tmp_path_factory):
     """Makes trainings of a method in folders by name."""
