@@ -446,13 +446,6 @@ def test_committed_rows_are_in_order_and_have_the_planners_evaluations(tmp_path)
     assert {reference.task for reference in learned.references()} <= set(TASKS)
 
 
-def test_committed_tables_are_current():
-    page = (RESULTS.parent / "results.md").read_text()
-    assert learned.results() in page and learned.others() in page
-    assert f"<!-- learned -->\n{learned.overview()}\n<!--" in (ROOT / "README.md").read_text()
-    assert learned.FIGURE.exists() == bool(learned.curves(learned.rows()))
-
-
 def test_the_committed_queue_suits_presets_and_tasks():
     runs = read_queue(RESULTS / "queue.toml")
     commands_ = [run.command for run in runs]
