@@ -34,6 +34,7 @@ class DropCloth(HangingTask):
     horizon, action_repeat = 30, 16  # docs/softgym.md 1.2; 5, row 1.
     success = 0.8  # Our choice: the mean distance is 10 cm for a cloth of 0.5 m.
     view, softgym_name, folded = "drop_cloth", "ClothDrop", False
+    example_variation = 800
 
     def __init__(
         self,

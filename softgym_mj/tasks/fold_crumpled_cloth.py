@@ -39,6 +39,7 @@ class FoldCrumpledCloth(LaidCloth):
     workspace = Workspace((-0.85, -0.85, 0.0), (0.85, 0.85, 0.5))
     reset_height, view = 0.2, "fold_crumpled_cloth"
     planning_horizon, softgym_name = 30, "ClothFoldCrumpled"
+    example_variation = 999
     symmetries = mirrored("rows")
 
     def __init__(self, *, fidelity: str = "default", **settings: Unpack[ClothTaskSettings]):

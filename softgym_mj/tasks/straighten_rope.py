@@ -42,7 +42,7 @@ class StraightenRope(Task):
     success = 0.95  # Our choice: ends within 2.5 cm of the natural length.
     workspace = Workspace((-0.35, -0.35, 0.0), (0.35, 0.35, 0.3))  # docs/softgym.md 2.2.
     reset_height, view = 0.1, "straighten_rope"
-    example_variation, softgym_name = 807, "RopeFlatten"
+    example_variation, softgym_name = 814, "RopeFlatten"
     symmetries = anywhere("same", "reversed")
 
     def __init__(self, *, fidelity: str = "default", **settings: Unpack[TaskSettings]):
