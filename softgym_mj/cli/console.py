@@ -56,6 +56,9 @@ Device = Annotated[
         help="cpu (--jobs processes), host (batch on CPU threads) or cuda (batch on a GPU)."
     ),
 ]
+Variation = Annotated[
+    int | None, typer.Option(help="Variation 0..999; default: the task's example.")
+]
 Variations = Annotated[
     str | None,
     typer.Option(

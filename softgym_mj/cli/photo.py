@@ -6,7 +6,16 @@ from typing import Annotated
 import typer
 
 import softgym_mj
-from softgym_mj.cli.console import Actor, Grasp, Task, Trust, console, for_people, progress_bar
+from softgym_mj.cli.console import (
+    Actor,
+    Grasp,
+    Task,
+    Trust,
+    Variation,
+    console,
+    for_people,
+    progress_bar,
+)
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.policies.factory import SIMPLE, make_policy
 from softgym_mj.registry import find
@@ -18,7 +27,7 @@ def photo(
     task: Task,
     actor: Actor = None,
     grasp: Grasp = None,
-    variation: Annotated[int, typer.Option(help="Variation 0..999.")] = 806,
+    variation: Variation = None,
     step: Annotated[int, typer.Option(help="Env steps before the picture.", min=0)] = 0,
     policy: Annotated[
         str, typer.Option(help=f"Policy: {', '.join(SIMPLE)}, FILE.pt2 or MODULE:FUNCTION.")
@@ -47,14 +56,15 @@ def photo(
     view = photos.PhotoCamera(camera, size, samples, denoise)
     env = softgym_mj.load(record, split="all", **for_people(record, actor, grasp))
     act = make_policy(policy, env, trust=trust)
+    index = env.task.example_variation if variation is None else variation
     with progress_bar() as progress:
         if video:
             bar = progress.add_task("env steps", total=env.horizon)
-            photos.film(env, act, variation, view, every=every,
+            photos.film(env, act, index, view, every=every,
                         on_step=lambda: progress.advance(bar)).write(file)  # fmt: skip
         else:
             bar = progress.add_task("env steps", total=step)
-            for _ in env.play(act, variation):
+            for _ in env.play(act, index):
                 progress.update(bar, completed=env.step_count)
                 if env.step_count == step:
                     break

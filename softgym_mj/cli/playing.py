@@ -1,7 +1,7 @@
 """Commands that list and play tasks: list, demo, rollout."""
 
-import functools
 import json
+import os
 import pathlib
 from typing import Annotated
 
@@ -14,9 +14,11 @@ import softgym_mj
 from softgym_mj.cli.console import (
     Actor,
     Grasp,
+    Jobs,
     Look,
     Task,
     Trust,
+    Variation,
     Variations,
     chosen_variations,
     console,
@@ -24,6 +26,7 @@ from softgym_mj.cli.console import (
     policy_file,
     progress_bar,
 )
+from softgym_mj.parallel.executors import make_executor
 from softgym_mj.policies.episodes import Episode, play
 from softgym_mj.policies.exported import observes
 from softgym_mj.policies.factory import SIMPLE
@@ -35,6 +38,8 @@ from softgym_mj.variations.indices import check_variation
 
 _COLUMNS = "suite", "name", "gymnasium_id", "tags", "horizon", "action_repeat", "goal"
 VIDEO_SIZE = 480  # Side of a video [pixels].
+DEMO_JOBS = min(os.cpu_count() or 1, 4)  # Worker processes of `demo`.
+DEMO_SIZE = 400  # Side of the videos of `demo`, which plays all tasks [pixels].
 
 
 def list_tasks() -> None:
@@ -69,32 +74,56 @@ def demo(
     out: Annotated[
         pathlib.Path, typer.Option(help="Folder for videos and pictures.")
     ] = pathlib.Path("demo"),
-    size: Annotated[int, typer.Option(help="Image side [pixels].", min=64, max=1280)] = VIDEO_SIZE,
-    variation: Annotated[int, typer.Option(help="Variation 0..999.")] = 806,
+    size: Annotated[int, typer.Option(help="Image side [pixels].", min=64, max=1280)] = DEMO_SIZE,
+    variation: Variation = None,
     look: Look = PAPER.name,
+    jobs: Jobs = DEMO_JOBS,
 ) -> None:
     """Plays every task with its scripted expert; writes a video and a picture of each.
 
     The picture `tasks.png` shows the start, middle and end of all tasks.
     """
-    check_variation(variation)
+    if variation is not None:
+        check_variation(variation)
     make_folder(out)
-    strips = []
-    with progress_bar() as progress:
-        for name, record in softgym_mj.TASKS.items():
-            file = out / f"{name}.mp4"
-            env = softgym_mj.load(record, split="all", look=look)
-            bar = progress.add_task(name, total=env.horizon)
-            advance = functools.partial(progress.advance, bar)
-            episode = play(env, variation=variation, size=size, on_step=advance)
-            _write(episode, file)
-            strips.append(np.hstack([episode.frames[k] for k in (0, env.horizon // 2, -1)]))
+    # The longest first, so that no worker ends much later than the others.
+    names = sorted(softgym_mj.TASKS, key=lambda name: -softgym_mj.TASKS[name].horizon)
+    calls = [(name, variation, look, size, out / f"{name}.mp4") for name in names]
+    strips = {}
+    with progress_bar() as progress, make_executor(min(jobs, len(calls))) as executor:
+        bar = progress.add_task("tasks", total=len(calls))
+        for index, (score, strip) in executor.results(_played, calls):
+            name, *_, file = calls[index]
+            strips[name] = strip
+            progress.advance(bar)
             progress.console.print(
-                f"{name}: normalized performance {_score(episode):.3f}; "
+                f"{name}: normalized performance {score:.3f}; "
                 f"wrote {file} and {file.with_suffix('.png')}"
             )
-    _write_sheet(strips, out / "tasks.png")
+    _write_sheet([strips[name] for name in softgym_mj.TASKS], out / "tasks.png")
     console.print(f"wrote {out / 'tasks.png'}")
+
+
+def _played(
+    name: str, variation: int | None, look: str, size: int, file: pathlib.Path
+) -> tuple[float, np.ndarray]:
+    """Plays a task's expert and writes its video.
+
+    Args:
+        name: Task.
+        variation: Index; None for the task's example.
+        look: Look of images.
+        size: Side of images [pixels].
+        file: The video.
+
+    Returns:
+        Normalized performance at the end; start, middle and end side by side.
+    """
+    env = softgym_mj.load(name, split="all", look=look)
+    index = env.task.example_variation if variation is None else variation
+    episode = play(env, variation=index, size=size)
+    _write(episode, file)
+    return _score(episode), np.hstack([episode.frames[k] for k in (0, env.horizon // 2, -1)])
 
 
 def rollout(
