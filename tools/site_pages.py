@@ -27,7 +27,12 @@ PAGES = {
 }
 _SOURCES = {page: source for source, page in PAGES.items()}
 COPIES = ["CITATION.cff"]  # Files that pages link to and that are copied as they are.
-API_BOOST = 0.25  # Factor of the API pages' rank in the site's search.
+# Factors of pages in the site's search, by the start of their names: guides come first. A match in
+# a title counts 1,000 times as much as in the text.
+SEARCH_BOOSTS = {
+    "reference/": 1e-4, "changelog.md": 1e-4, "contributing.md": 5e-4, "tasks/": 1e-3,
+    "architecture.md": 1e-2, "softgym.md": 5e-2, "notebooks/": 0.1,
+}  # fmt: skip
 _LINK = re.compile(r"(\]\()(?!https?:|#)([^)#\s]+)")
 
 
@@ -72,8 +77,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """Resolves links to files of the repository; the edit link leads to the page's source."""
     here = page.file.src_uri
-    if here.startswith("reference/"):  # Guides are listed before the API in searches.
-        page.meta["search"] = {"boost": API_BOOST}
+    for start, boost in SEARCH_BOOSTS.items():
+        if here.startswith(start):
+            page.meta["search"] = {"boost": boost}
     source = _SOURCES.get(here, f"docs/{here}")
     if config.repo_url:
         page.edit_url = f"{config.repo_url.rstrip('/')}/edit/main/{source}"

@@ -33,6 +33,7 @@ CUT = """[...document.querySelectorAll('pre > code')]
     .filter(c => c.scrollWidth > c.clientWidth + 1).map(c => 'cut off: ' + c.innerText)"""
 LINKS = "[...document.querySelectorAll('a[href]')].map(a => a.href)"
 WRAP = ".md-typeset__scrollwrap"  # Scrolls a table sideways.
+FOUND = "[...document.querySelectorAll('.md-search-result__item a')].map(a => a.href)"
 NAMES = "[...document.querySelectorAll('[id], a[name]')].map(e => e.id || e.name)"
 
 
@@ -121,6 +122,17 @@ def test_every_page_is_whole(site, browser):
         links[page], names[page] = browser.evaluate(LINKS), browser.evaluate(NAMES)
     assert len(links) > 40  # Data sheets, notebooks, reference and what nav lists.
     assert not wrong + dead(links, names, folder, address)
+
+
+@pytest.mark.parametrize(
+    "query", ["rope", "actor", "device", "make_vec", "policy", "distill", "suite.load"]
+)
+def test_search_lists_guides_first(site, browser, query):
+    _, address = site
+    browser.open(f"{address}?q={query}")
+    chromium.wait_until(lambda: browser.evaluate(FOUND), LOAD_TIME)
+    found = [link.removeprefix(address).split("/")[0] for link in browser.evaluate(FOUND)]
+    assert not {"reference", "tasks", "changelog", "contributing"} & set(found[:2])
 
 
 def test_tables_scroll_on_phones_with_their_first_column_in_place(site, browser):
