@@ -5,7 +5,7 @@ from PIL import Image
 
 from tools import videos
 
-LARGEST, ALL = 400e3, 2.5e6  # [bytes] Limits of a file, and of all files.
+LARGEST, ALL = 400e3, 4e6  # [bytes] Limits of a file, and of all files.
 
 
 def moving_dot(n, still):
