@@ -23,9 +23,9 @@ from softgym_mj.robots.arm_batch import (
     inverse_kinematics,
     models,
 )
+from softgym_mj.robots.arm_batch.action_spaces import LEADS
 from softgym_mj.robots.arm_batch.chain import Pose
-from softgym_mj.robots.arm_batch.leads import LEADS
-from softgym_mj.robots.arm_batch.led_arms import LedArms
+from softgym_mj.robots.arm_batch.controlled_arms import LedArms
 from softgym_mj.robots.arm_batch.sharing import to_jax
 from softgym_mj.robots.arm_batch.state import ArmState, packed
 from softgym_mj.robots.base import SIM_STEP

@@ -20,10 +20,10 @@ from softgym_mj.robots.arm_batch import (
     inverse_kinematics,
     models,
 )
+from softgym_mj.robots.arm_batch.action_spaces import AHEAD, Lead
 from softgym_mj.robots.arm_batch.chain import Pose
+from softgym_mj.robots.arm_batch.controlled_arms import LedArms
 from softgym_mj.robots.arm_batch.inverse_kinematics import Kinematics, Reference
-from softgym_mj.robots.arm_batch.leads import AHEAD, Lead
-from softgym_mj.robots.arm_batch.led_arms import LedArms
 from softgym_mj.robots.arm_batch.state import ArmState
 from softgym_mj.robots.base import SIM_STEP
 

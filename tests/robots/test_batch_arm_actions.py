@@ -7,8 +7,8 @@ import pytest
 import softgym_mj
 from softgym_mj.robots.arm.pose_action import MAX_TILT
 from softgym_mj.robots.arm_batch import rotations
+from softgym_mj.robots.arm_batch.action_spaces import LEADS
 from softgym_mj.robots.arm_batch.inverse_kinematics import kinematics_of
-from softgym_mj.robots.arm_batch.leads import LEADS
 from softgym_mj.robots.arm_batch.state import packed, read_state, unpacked
 
 

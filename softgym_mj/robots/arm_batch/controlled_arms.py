@@ -10,9 +10,9 @@ from softgym_mj.robots.arm.joint_servos import SOLVE_EVERY
 from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.arm_batch import chain as chains
 from softgym_mj.robots.arm_batch import dynamics, hands, inverse_kinematics, models
+from softgym_mj.robots.arm_batch.action_spaces import Lead
 from softgym_mj.robots.arm_batch.chain import Pose
 from softgym_mj.robots.arm_batch.inverse_kinematics import Kinematics
-from softgym_mj.robots.arm_batch.leads import Lead
 from softgym_mj.robots.arm_batch.state import ArmState
 
 
