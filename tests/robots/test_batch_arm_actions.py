@@ -7,23 +7,23 @@ import pytest
 import softgym_mj
 from softgym_mj.robots.arm.pose_action import MAX_TILT
 from softgym_mj.robots.arm_batch import rotations
-from softgym_mj.robots.arm_batch.action_spaces import LEADS
+from softgym_mj.robots.arm_batch.action_spaces import ACTION_SPACES
 from softgym_mj.robots.arm_batch.inverse_kinematics import kinematics_of
 from softgym_mj.robots.arm_batch.state import packed, read_state, unpacked
 
 
-@pytest.mark.parametrize("action", LEADS)
-def test_commands_lead_as_in_environments(action):
-    """The reference is the environment's; commands reach limits of tilt, joints and leads."""
+@pytest.mark.parametrize("action", ACTION_SPACES)
+def test_commands_advance_as_in_environments(action):
+    """The reference is the environment's; commands reach limits of tilt, joints and tracking."""
     env = softgym_mj.load("straighten_rope", actor="franka", action=action)
     env.reset(800)
     arms, random = env.task.actor, np.random.default_rng(0)
-    own, number = arms._lead, arms.num_grippers
+    own, number = arms._filtered_command, arms.num_grippers
     with jax.enable_x64(True):
-        lead = LEADS[action](arms.arm, kinematics_of(arms.arm, arms.mounts, 0.0))
+        space = ACTION_SPACES[action](arms.arm, kinematics_of(arms.arm, arms.mounts, 0.0))
         state = packed(read_state(arms))
-        advance = jax.jit(lead.advance)
-        found = jax.jit(lambda state: (lead.commanded(state), lead.remembered(state)))
+        advance = jax.jit(space.advance)
+        found = jax.jit(lambda state: (space.commanded(state), space.remembered(state)))
         drift = random.uniform(-0.5, 0.5, arms.action_size)
         drift[3] = 1.0  # A tilt, or a joint.
         tilts = []
@@ -47,6 +47,6 @@ def test_commands_lead_as_in_environments(action):
                 own.follow(1)
                 controller = arms.controller
                 reference = controller.configuration.reshape(number, -1)
-                state = state._replace(reference=reference, leader=controller.points())
+                state = state._replace(reference=reference, reference_points=controller.points())
     if action == "pose":
         assert -np.max(tilts) == pytest.approx(np.cos(MAX_TILT), abs=1e-6)

@@ -70,8 +70,8 @@ def test_reference_and_cup_follow_the_command_and_the_expert_solves_it(case):
     while not timestep.last():
         timestep = env.step(act(timestep))
         actor = env.task.actor
-        leader = actor._lead.points[0] / cup_arm.TURNS_AS
-        references.append(np.abs(actor.reference_pose - leader))
+        points = actor._filtered_command.points[0] / cup_arm.TURNS_AS
+        references.append(np.abs(actor.reference_pose - points))
         cups.append(np.abs(actor.cup.pose - actor.reference_pose))
         # Torques within the limits, but for what contact adds in the very step.
         assert np.all(np.abs(delivered(env)) < 1.02 * largest)

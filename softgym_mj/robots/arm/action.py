@@ -1,4 +1,4 @@
-"""`ArmAction`: base of the action spaces of arms, which lead the joints."""
+"""`ArmAction`: base of the action spaces of arms: commands that the joints follow."""
 
 import abc
 from collections.abc import Callable
@@ -75,7 +75,7 @@ class ArmAction(abc.ABC):
 
     @property
     @abc.abstractmethod
-    def leading(self) -> np.ndarray:
+    def filtered_points(self) -> np.ndarray:
         """Tool points (n, 3) [m] of the filter, a fresh array."""
 
     @abc.abstractmethod

@@ -13,7 +13,7 @@ from softgym_mj.robots.base import BodyActor
 class ArmActor(BodyActor):
     """Robot arms whose joints follow a filtered command.
 
-    A subclass's `_build` sets `_mjcf_root`, the attributes and `_lead`, which leads the joints.
+    A subclass's `_build` sets `_mjcf_root`, the attributes and `_filtered_command`.
 
     Attributes:
         arm: kind of arm.
@@ -25,11 +25,11 @@ class ArmActor(BodyActor):
 
     arm: Arm
     servos: JointServos
-    _lead: CommandFilter | ArmAction
+    _filtered_command: CommandFilter | ArmAction
 
     @property
     def controller(self) -> CartesianController:
-        """Controller that leads the joints."""
+        """Controller whose reference the joints follow."""
         return self.servos.controller
 
     def after_compile(self, physics, random_state):
@@ -50,9 +50,13 @@ class ArmActor(BodyActor):
         return {**super().diagnostics(), "ik_failures": self.controller.failures}
 
     def get_state(self) -> dict[str, np.ndarray]:
-        return {**super().get_state(), **self._lead.get_state(), **self.servos.get_state()}
+        return {
+            **super().get_state(),
+            **self._filtered_command.get_state(),
+            **self.servos.get_state(),
+        }
 
     def set_state(self, state: dict[str, np.ndarray]) -> None:
         super().set_state(state)  # type: ignore[safe-super]  # The other base class defines it.
-        self._lead.set_state(state)
+        self._filtered_command.set_state(state)
         self.servos.set_state(state)

@@ -48,7 +48,7 @@ class Arms(ArmActor, Gripper):
     least_distance = 0.15  # Measured: 0.14 m side by side (Franka), 0.08 m face to face.
     pick_distance = PICK_DISTANCE
     _holding: Grasp
-    _lead: ArmAction
+    _filtered_command: ArmAction
 
     def _build(
         self,
@@ -96,8 +96,12 @@ class Arms(ArmActor, Gripper):
         tips = AttachGrasp.tip_clearance - self._holding.tip_clearance
         kind = ACTIONS[action]
         self.servos = JointServos(arm, self.mounts, arm_bodies.home(arm), tips)
-        self._lead = kind(self.servos, self._clip)
-        self.actions, self.displaces, self.turns = self._lead.actions, kind.displaces, kind.turns
+        self._filtered_command = kind(self.servos, self._clip)
+        self.actions, self.displaces, self.turns = (
+            self._filtered_command.actions,
+            kind.displaces,
+            kind.turns,
+        )
         self._set_workspace(Workspace((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0)))
 
     def after_compile(self, physics, random_state):
@@ -119,7 +123,7 @@ class Arms(ArmActor, Gripper):
     @property
     def at_reach(self) -> int:
         """Number of commanded points at the end of an arm's reach, which may be clipped."""
-        points = zip(self.mounts, self._lead.commanded, strict=True)
+        points = zip(self.mounts, self._filtered_command.commanded, strict=True)
         return sum(mount.at_end(point) for mount, point in points)
 
     def default_positions(self, point: np.ndarray) -> np.ndarray:
@@ -137,7 +141,7 @@ class Arms(ArmActor, Gripper):
     def place(self, positions: np.ndarray, workspace: Workspace) -> None:
         self._holding.reset()
         self._set_workspace(workspace)
-        self._lead.start(self._clip(positions))
+        self._filtered_command.start(self._clip(positions))
         self.servos.reset()
 
     def _set_workspace(self, workspace: Workspace):
@@ -152,16 +156,16 @@ class Arms(ArmActor, Gripper):
     # ------------------------------------------------------------------ motion
 
     def command(self, action: np.ndarray) -> None:
-        self._closed = self._lead.command(action)
+        self._closed = self._filtered_command.command(action)
 
     def displacing(self, fractions: np.ndarray, grips: Sequence[bool] | np.ndarray) -> np.ndarray:
-        return self._lead.displacing(*self._checked(grips, fractions=fractions))
+        return self._filtered_command.displacing(*self._checked(grips, fractions=fractions))
 
     def plan(self) -> None:
         """Moves the commanded points by the action, as far as allowed, and the arms after them."""
-        self._lead.advance()
+        self._filtered_command.advance()
         self._holding.plan(self._closed, self.positions())
-        self.servos.plan(self._lead.follow)
+        self.servos.plan(self._filtered_command.follow)
 
     def move(self, fraction: float, timestep: float) -> None:
         super().move(fraction, timestep)
@@ -183,7 +187,7 @@ class Arms(ArmActor, Gripper):
 
     def commanded_positions(self) -> np.ndarray:
         """Returns commanded tool points (num_grippers, 3) [m]."""
-        return self._lead.commanded
+        return self._filtered_command.commanded
 
     def commanded_quaternions(self) -> np.ndarray:
         """Returns commanded orientations (num_grippers, 4) of tools as (w, x, y, z).
@@ -212,24 +216,24 @@ class Arms(ArmActor, Gripper):
 
     @property
     def _poses(self) -> PoseAction:
-        if not isinstance(self._lead, PoseAction):
-            raise InvalidArgumentError("action", self._lead.name, (PoseAction.name,))
-        return self._lead
+        if not isinstance(self._filtered_command, PoseAction):
+            raise InvalidArgumentError("action", self._filtered_command.name, (PoseAction.name,))
+        return self._filtered_command
 
     def remembered(self) -> np.ndarray:
         """Returns the grips, then the commanded state (4 * num_grippers + k,)."""
-        return np.concatenate([super().remembered(), self._lead.remembered()])
+        return np.concatenate([super().remembered(), self._filtered_command.remembered()])
 
     @property
     def remembers(self) -> dict[str, int]:
-        return super().remembers | self._lead.remembers
+        return super().remembers | self._filtered_command.remembers
 
     def reference_positions(self) -> np.ndarray:
         """Returns tool points (num_grippers, 3) [m] of the joints' reference.
 
         They follow the commanded ones: see `CommandFilter`.
         """
-        return self._lead.leading
+        return self._filtered_command.filtered_points
 
     def diagnostics(self) -> dict[str, float | int]:
         return {**super().diagnostics(), "at_reach": self.at_reach}

@@ -61,7 +61,7 @@ class CartesianController:
 
         Args:
             model: the arms alone, with nothing but their joints.
-            tools: names of the sites to lead, one for each arm.
+            tools: names of the sites to control, one for each arm.
             home: configuration (nq,) [rad] of the posture task.
             velocity_limits: largest speed [rad/s] of each joint by name.
             shapes: geoms of each arm; those of two arms keep apart.

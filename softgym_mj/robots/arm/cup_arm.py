@@ -55,7 +55,7 @@ class CupArm(ArmActor, CupMover):
     """
 
     mount: Mount
-    _lead: CommandFilter
+    _filtered_command: CommandFilter
 
     def __init__(self, arm: Arm, tool: CupTool, visual: str = "primitive"):
         """Builds the arm around a cup.
@@ -75,7 +75,7 @@ class CupArm(ArmActor, CupMover):
         arm_bodies.add_arms(self._mjcf_root, arm, [self.mount], visual=visual)
         home = np.array(arm.home_cup)
         self.servos = JointServos(arm, [self.mount], home, orientation_cost=ORIENTATION_COST)
-        self._lead = CommandFilter(1, clipped)
+        self._filtered_command = CommandFilter(1, clipped)
         (name,) = arm_bodies.names(arm, 1)
         tcp = self._mjcf_root.find("site", f"{name}/{arm.tcp_site}")
         site = tcp.parent.add("site", name="grip", pos=tcp.pos, quat=_grip_quaternion(tcp))
@@ -83,7 +83,7 @@ class CupArm(ArmActor, CupMover):
 
     @property
     def commanded_pose(self) -> np.ndarray:
-        return self._lead.commanded[0] / TURNS_AS
+        return self._filtered_command.commanded[0] / TURNS_AS
 
     @property
     def reference_pose(self) -> np.ndarray:
@@ -98,7 +98,7 @@ class CupArm(ArmActor, CupMover):
         self._rejected = 0
         self._aim(pose)
         self.controller.reset(self._tool(pose)[None])
-        self._lead.start((pose * TURNS_AS)[None])
+        self._filtered_command.start((pose * TURNS_AS)[None])
         self.servos.reset()
         self.servos.fingers.put(0, HALF_HANDLE, HALF_HANDLE)
 
@@ -118,7 +118,7 @@ class CupArm(ArmActor, CupMover):
         return {"commanded x, z [m]": 2, "commanded theta [rad]": 1}
 
     def plan(self) -> None:
-        self._lead.advance((self._wanted() * TURNS_AS)[None], self._within_lead)
+        self._filtered_command.advance((self._wanted() * TURNS_AS)[None], self._within_lead)
         self.servos.plan(self._follow)
 
     def _within_lead(self, points: np.ndarray) -> np.ndarray:
@@ -126,7 +126,7 @@ class CupArm(ArmActor, CupMover):
 
     def _follow(self, steps: int) -> None:
         # The filter is extrapolated to the controller's next solution.
-        pose = (self._lead.points + steps * self._lead.step)[0] / TURNS_AS
+        pose = (self._filtered_command.points + steps * self._filtered_command.step)[0] / TURNS_AS
         self._aim(pose)
         self.controller.follow(self._tool(pose)[None])
 

@@ -77,7 +77,7 @@ class JointAction(ArmAction):
         return self._servos.points_at(self.angles)
 
     @property
-    def leading(self) -> np.ndarray:
+    def filtered_points(self) -> np.ndarray:
         return self._servos.points_at(self._unscaled(self._filter.points))
 
     def remembered(self) -> np.ndarray:

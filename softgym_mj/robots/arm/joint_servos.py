@@ -1,4 +1,4 @@
-"""`JointServos`: the joints of arms in a scene, led by a `CartesianController`."""
+"""`JointServos`: the joints of arms in a scene, which follow a `CartesianController`."""
 
 from collections.abc import Callable, Sequence
 
@@ -17,13 +17,13 @@ SOLVE_EVERY = round(PERIOD / SIM_STEP)  # Sim steps between solutions of the con
 
 
 class JointServos:
-    """Joint servos of one or more arms, led from one solution of the controller to the next.
+    """Joint servos of one or more arms, which interpolate between solutions of the controller.
 
     Attributes:
         number: number of arms.
         joints: names (joints,) of the joints of an arm.
         velocity_limits: largest joint speeds (n joints,) [rad/s].
-        controller: controller that leads the joints.
+        controller: controller whose reference the joints follow.
         motors: their actuators in the scene (n joints,).
         positions_at, speeds_at: addresses (n joints,) of the joints in qpos and qvel.
         fingers: fingers of the arms in the scene.

@@ -28,7 +28,7 @@ class Reference(mink.Configuration):
 
 
 class ToolTask(mink.FrameTask):
-    """Task that leads a site of a `Reference`."""
+    """Task that moves a site of a `Reference` to a target pose."""
 
     def compute_jacobian(self, configuration: mink.Configuration) -> np.ndarray:
         """Returns the Jacobian (6, nv) of the error.

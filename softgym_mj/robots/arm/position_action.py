@@ -42,7 +42,7 @@ class PositionAction(ArmAction):
         return self._filter.commanded.copy()
 
     @property
-    def leading(self) -> np.ndarray:
+    def filtered_points(self) -> np.ndarray:
         return self._filter.points.copy()
 
     def remembered(self) -> np.ndarray:

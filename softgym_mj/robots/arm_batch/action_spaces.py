@@ -21,7 +21,7 @@ from softgym_mj.robots.gripper import MAX_DISPLACEMENT
 AHEAD = SOLVE_EVERY - 1  # Sim steps by which solutions extrapolate the filter.
 
 
-class Lead(Protocol):
+class ActionSpace(Protocol):
     """Action space of n arms: `ArmAction` as functions."""
 
     def advance(self, state: ArmState, entries: jax.Array) -> ArmState:
@@ -42,7 +42,7 @@ class Lead(Protocol):
         """Returns `ArmAction.remembered` (k,)."""
 
 
-class PositionLead(Lead):
+class PositionActionSpace(ActionSpace):
     """`PositionAction`: displacements of the tool points."""
 
     def __init__(self, arm: Arm, arms: Kinematics):
@@ -53,7 +53,7 @@ class PositionLead(Lead):
         assert state.limits is not None
         wanted = state.filter.commanded + MAX_DISPLACEMENT * entries[:, :3]
         wanted = commands.within_reach(self._arm, self._arms, wanted, state.limits)
-        return state._replace(filter=commands.advance(state.filter, wanted, state.leader))
+        return state._replace(filter=commands.advance(state.filter, wanted, state.reference_points))
 
     def solve(self, state: ArmState) -> Reference:
         ahead = state.filter.points + AHEAD * state.filter.step
@@ -66,7 +66,7 @@ class PositionLead(Lead):
         return state.filter.commanded.ravel()
 
 
-class PoseLead(PositionLead):
+class PoseActionSpace(PositionActionSpace):
     """`PoseAction`: displacements and rotations of the tools."""
 
     def advance(self, state: ArmState, entries: jax.Array) -> ArmState:
@@ -107,7 +107,7 @@ def _about(state: ArmState, orientations: jax.Array) -> jax.Array:
     return TURNS_AS * rotations.between(state.oriented, orientations)
 
 
-class JointLead(Lead):
+class JointActionSpace(ActionSpace):
     """`JointAction`: rotations of the joints."""
 
     def __init__(self, arm: Arm, arms: Kinematics):
@@ -139,6 +139,8 @@ class JointLead(Lead):
         return points.reshape(-1, len(self._scale)) / self._scale
 
 
-LEADS: dict[str, Callable[[Arm, Kinematics], Lead]] = {
-    PositionAction.name: PositionLead, PoseAction.name: PoseLead, JointAction.name: JointLead,
-}  # fmt: skip
+ACTION_SPACES: dict[str, Callable[[Arm, Kinematics], ActionSpace]] = {
+    PositionAction.name: PositionActionSpace,
+    PoseAction.name: PoseActionSpace,
+    JointAction.name: JointActionSpace,
+}

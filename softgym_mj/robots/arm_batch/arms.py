@@ -23,9 +23,9 @@ from softgym_mj.robots.arm_batch import (
     inverse_kinematics,
     models,
 )
-from softgym_mj.robots.arm_batch.action_spaces import LEADS
+from softgym_mj.robots.arm_batch.action_spaces import ACTION_SPACES
 from softgym_mj.robots.arm_batch.chain import Pose
-from softgym_mj.robots.arm_batch.controlled_arms import LedArms
+from softgym_mj.robots.arm_batch.controlled_arms import ControlledArms
 from softgym_mj.robots.arm_batch.sharing import to_jax
 from softgym_mj.robots.arm_batch.state import ArmState, packed
 from softgym_mj.robots.base import SIM_STEP
@@ -52,7 +52,7 @@ class Motion(NamedTuple):
     solids: hands.SolidSteps
 
 
-class ArmBatch(LedArms):
+class ArmBatch(ControlledArms):
     """Arms of environments that step together, on the device of their arrays.
 
     No object pushes on the arms. Numbers have double precision, because the posture's cost is a
@@ -73,13 +73,13 @@ class ArmBatch(LedArms):
             arm: kind of arm.
             mounts: bases of the arms of an environment.
             timestep: physics step [s], a sim step divided by a whole number.
-            action: one of `LEADS`.
+            action: one of `ACTION_SPACES`.
             grasp: one of `GRASPS`.
         """
         tips = AttachGrasp.tip_clearance - GRASPS[grasp].tip_clearance
         with jax.enable_x64(True):
             kinematics = inverse_kinematics.kinematics_of(arm, tuple(mounts), tips)
-            super().__init__(arm, kinematics, LEADS[action](arm, kinematics), timestep)
+            super().__init__(arm, kinematics, ACTION_SPACES[action](arm, kinematics), timestep)
         self._grasp, self._solids = grasp, hands.solids_of(arm, grasp)
         self._shapes = clearance.shapes_of(*models.solid_model(arm, grasp))
         self._parts = round(SIM_STEP / timestep)
@@ -135,7 +135,7 @@ class ArmBatch(LedArms):
 
         def sim_step(found, phase):
             now, pose = found
-            now = self._lead(now, entries, phase > 0)
+            now = self._advance_command(now, entries, phase > 0)
             now, pose, solids = self._move(self._gripped(now, closed), pose, phase)
             return (now, pose), (self._motion(now, pose), solids)
 

@@ -31,15 +31,16 @@ Draw = Callable[[jax.Array, jax.Array, float], jax.Array]  # As `drawn_in`.
 
 
 def advance(
-    state: Filter, wanted: jax.Array, leader: jax.Array, draw: Draw | None = None
+    state: Filter, wanted: jax.Array, reference: jax.Array, draw: Draw | None = None
 ) -> Filter:
     """Runs a sim step.
 
     Args:
         state: state of the filter.
         wanted: desired commanded points (n, 3) [m].
-        leader: points of the reference (n, 3) [m].
-        draw: holds commanded points near the filter and this near the leader; None for `drawn_in`.
+        reference: points of the reference (n, 3) [m].
+        draw: limits the distance of commanded points from the filter, and of the filter from the
+            reference; None for `drawn_in`.
     """
     draw = draw or drawn_in
     commanded = draw(wanted, state.points, command_filter.LEAD)
@@ -50,7 +51,7 @@ def advance(
     braking = (jnp.sqrt(1.0 + 8.0 * distance / most) - 1.0) / 2.0 * most
     step = gap * (jnp.minimum(braking, distance) / jnp.maximum(distance, 1e-12))
     points = state.points + drawn_in(along + step, state.step, most)
-    points = draw(points, leader, cartesian.LEAD)
+    points = draw(points, reference, cartesian.LEAD)
     return Filter(commanded, points, points - state.points)
 
 

@@ -1,4 +1,4 @@
-"""`LedArms`: control of the arms of one environment, from the lead's command to sensed joints."""
+"""`ControlledArms`: control of the arms of one environment, from commands to joints."""
 
 import functools
 
@@ -10,46 +10,48 @@ from softgym_mj.robots.arm.joint_servos import SOLVE_EVERY
 from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.arm_batch import chain as chains
 from softgym_mj.robots.arm_batch import dynamics, hands, inverse_kinematics, models
-from softgym_mj.robots.arm_batch.action_spaces import Lead
+from softgym_mj.robots.arm_batch.action_spaces import ActionSpace
 from softgym_mj.robots.arm_batch.chain import Pose
 from softgym_mj.robots.arm_batch.inverse_kinematics import Kinematics
 from softgym_mj.robots.arm_batch.state import ArmState
 
 
-class LedArms:
-    """Arms whose joints follow a lead; methods are for one environment.
+class ControlledArms:
+    """Arms whose joints follow an action space; methods are for one environment.
 
     Attributes:
         kinematics: kinematics of the arms of an environment.
     """
 
-    def __init__(self, arm: Arm, kinematics: Kinematics, lead: Lead, timestep: float):
+    def __init__(self, arm: Arm, kinematics: Kinematics, action: ActionSpace, timestep: float):
         """Prepares the arms.
 
         Args:
             arm: kind of arm.
             kinematics: the arms.
-            lead: leads their joints.
+            action: action space, whose commands the joints follow.
             timestep: physics step [s].
         """
         self._arm, self._joints, self.kinematics = arm, len(arm.joints), kinematics
         model, self._lags = models.dynamic_model(arm, timestep)
-        self._dynamics, self._action = dynamics.dynamics_of(model), lead
+        self._dynamics, self._action = dynamics.dynamics_of(model), action
 
     def _solve(self, state: ArmState, entries: jax.Array) -> ArmState:
         """Starts a sim step with a solution of the inverse kinematics."""
-        state = self._lead(state, entries, True)
+        state = self._advance_command(state, entries, True)
         solved = self._action.solve(state)
         return state._replace(
             reference=solved.angles,
             rates=solved.speeds,
             start=state.goal,
             goal=solved.angles + self._lags * solved.speeds,
-            leader=inverse_kinematics.tools(self.kinematics, solved.angles),
+            reference_points=inverse_kinematics.tools(self.kinematics, solved.angles),
             failures=state.failures + solved.failed.astype(jnp.int32),
         )
 
-    def _lead(self, state: ArmState, entries: jax.Array, moves: jax.Array | bool) -> ArmState:
+    def _advance_command(
+        self, state: ArmState, entries: jax.Array, moves: jax.Array | bool
+    ) -> ArmState:
         """Returns the state with the command moved by a sim step, if it `moves`."""
         later = self._action.advance(state, entries)
         return jax.tree.map(lambda old, new: jnp.where(moves, new, old), state, later)

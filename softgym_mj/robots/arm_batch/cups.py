@@ -20,9 +20,9 @@ from softgym_mj.robots.arm_batch import (
     inverse_kinematics,
     models,
 )
-from softgym_mj.robots.arm_batch.action_spaces import AHEAD, Lead
+from softgym_mj.robots.arm_batch.action_spaces import AHEAD, ActionSpace
 from softgym_mj.robots.arm_batch.chain import Pose
-from softgym_mj.robots.arm_batch.controlled_arms import LedArms
+from softgym_mj.robots.arm_batch.controlled_arms import ControlledArms
 from softgym_mj.robots.arm_batch.inverse_kinematics import Kinematics, Reference
 from softgym_mj.robots.arm_batch.state import ArmState
 from softgym_mj.robots.base import SIM_STEP
@@ -137,16 +137,16 @@ def turned(theta: jax.Array) -> jax.Array:
     return jnp.array(rows)
 
 
-class CupLead(Lead):
+class CupActionSpace(ActionSpace):
     """`CupArm`'s command: poses (1, 3) of the cup in the hand."""
 
     def __init__(self, arms: Kinematics):
-        """Leads an arm."""
+        """Prepares the action space for the kinematics of an arm."""
         self._arms = arms
 
     def advance(self, state: ArmState, entries: jax.Array) -> ArmState:
-        leader = TURNS_AS * self._reference(state.reference)
-        filtered = commands.advance(state.filter, TURNS_AS * entries, leader, _clipped)
+        reference = TURNS_AS * self._reference(state.reference)
+        filtered = commands.advance(state.filter, TURNS_AS * entries, reference, _clipped)
         return state._replace(filter=filtered)
 
     def solve(self, state: ArmState) -> Reference:
@@ -176,7 +176,7 @@ def _clipped(points: jax.Array, centers: jax.Array, radius: float) -> jax.Array:
     return jnp.clip(points, centers - radius, centers + radius)
 
 
-class CupArms(LedArms):
+class CupArms(ControlledArms):
     """Arms whose sim steps are single physics steps, interleaved with those of the water.
 
     Call order in an env step: `solve` and `step`, then `step`, alternately; at the end `finish`.
@@ -189,7 +189,7 @@ class CupArms(LedArms):
             kinematics = inverse_kinematics.kinematics_of(
                 arm, (mount,), home=home, orientation_cost=ORIENTATION_COST
             )
-            super().__init__(arm, kinematics, CupLead(kinematics), SIM_STEP)
+            super().__init__(arm, kinematics, CupActionSpace(kinematics), SIM_STEP)
         self.solve = jax.jit(jax.vmap(self._solved))
         self.step = jax.jit(jax.vmap(self._stepped, (0, 0, 0, 0, None)))
         self.finish = jax.jit(jax.vmap(self._finished))
@@ -212,7 +212,7 @@ class CupArms(LedArms):
                 (walls, 6) [N], [N m].
             phase: sim steps since the last solution.
         """
-        state, arms = self._lead(state, wanted[None], phase > 0), self.kinematics
+        state, arms = self._advance_command(state, wanted[None], phase > 0), self.kinematics
         arm, own = self._loaded(load), self._poses(state.positions)
         pose, angles, speeds = jax.tree.map(
             lambda each: each[0], (own, state.positions, state.speeds)

@@ -81,7 +81,7 @@ class PushedArms(ArmBatch):
     """
 
     def __init__(self, arm: Arm, mounts: Sequence[Mount], grasp: str, action: str):
-        """Prepares arms of a kind on mounts, with a grasp of `GRASPS` and an action of `LEADS`."""
+        """Prepares arms on mounts, with a grasp of `GRASPS` and one of `ACTION_SPACES`."""
         super().__init__(arm, mounts, SIM_STEP, action, grasp)
         self.is_pad = self._solids.is_pad
         self.solve = jax.jit(jax.vmap(self._solved))
@@ -90,9 +90,9 @@ class PushedArms(ArmBatch):
 
     def no_push(self, number: int, device: jax.Device) -> Push:
         """Returns a push of zero for `number` environments, on a device."""
-        lead = number, len(self.kinematics.base)
+        shape = number, len(self.kinematics.base)
         solids, joints = len(self.is_pad), self._joints + 2
-        shapes = (*lead, solids, 2, 6), (*lead, joints), (*lead, solids, joints, 6)
+        shapes = (*shape, solids, 2, 6), (*shape, joints), (*shape, solids, joints, 6)
         with jax.enable_x64(True):
             return jax.device_put(Push(*map(np.zeros, shapes)), device)
 
@@ -125,7 +125,7 @@ class PushedArms(ArmBatch):
             State after the step without its push, this push except its impulses, and the hands.
         """
         arm, (entries, closed) = self._dynamics, self._split(action)
-        state = self._lead(_pushed(state, push), entries, phase > 0)
+        state = self._advance_command(_pushed(state, push), entries, phase > 0)
         pose, before = self._poses(state.positions), state.fingers
         state = self._gripped(state, closed)
         touches = solid[:, None] | ~self.is_pad

@@ -26,11 +26,11 @@ class ArmState(NamedTuple):
             [rad].
         filter: command filter; arrays (num_envs, n, 3), or of commanded joints (num_envs, n m, 1).
         fingers: commands of the fingers (num_envs, n, 2) [m].
-        leader: tool points of the reference (num_envs, n, 3) [m].
+        reference_points: tool points of the reference (num_envs, n, 3) [m].
         failures: number of solutions that failed (num_envs,).
         limits: lowest and highest commanded point (num_envs, 2, 3) [m]; not of arms with cups.
         turns, oriented: filter of rotations, relative to the orientations (num_envs, n, 4) of the
-            tools that it leads, with the action "pose" only.
+            tools, with the action "pose" only.
     """
 
     positions: jax.Array
@@ -41,7 +41,7 @@ class ArmState(NamedTuple):
     goal: jax.Array
     filter: commands.Filter
     fingers: jax.Array
-    leader: jax.Array
+    reference_points: jax.Array
     failures: jax.Array
     limits: jax.Array | None = None
     turns: commands.Filter | None = None
@@ -79,7 +79,7 @@ def read_state(arms: ArmActor) -> dict[str, np.ndarray]:
         **filtered("turns", _TURNS),
         **({"oriented": state["oriented"]} if "oriented" in state else {}),
         "fingers": data.ctrl[fingers.motors],
-        "leader": arms.controller.points(),
+        "reference_points": arms.controller.points(),
         **({"limits": np.array(arms.limits)} if isinstance(arms, Arms) else {}),
         "failures": state["failures"].astype(np.int32),
     }

@@ -180,7 +180,7 @@ class ArmClothBatch(ClothBatch):
             poses[:, :first] = self.state["static_poses"][:, :first]
             poses[:, self._hand_solids.stop :] = self.state["static_poses"][:, first:]
 
-    def lead(self) -> None:
+    def begin_sim_step(self) -> None:
         """Applies the flex's push of the last sim step, then steps the arms without the flex."""
         arms, phase = self._arms, self._count % SOLVE_EVERY
         with jax.enable_x64(True):

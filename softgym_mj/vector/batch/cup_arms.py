@@ -123,7 +123,7 @@ class CupArmBatch(FluidBatch):
         """Computes the next commanded pose."""
         self._goal[...], self._allowed[...] = self._moved(self._commanded)
 
-    def lead(self) -> None:
+    def begin_sim_step(self) -> None:
         """Makes a sim step of the arms, with the forces of the water in the last one."""
         arms, phase, state, xp = self._arms, self._count % SOLVE_EVERY, self.state, self._xp
         state["rejected"][...] += xp.astype(~self._allowed, state["rejected"].dtype)

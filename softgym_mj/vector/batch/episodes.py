@@ -186,7 +186,7 @@ class BatchEpisodes(Backend):
             return repeat(key, lambda: self._kept(*parts, lambda: self._outcome(mode)))
         repeat(key, lambda: self._kept(self._command), "command")
         for _ in range(physics.sim_steps(steps)):
-            physics.lead()
+            physics.begin_sim_step()
             repeat(key, lambda: self._kept(self._sim_step), "sim step")
         physics.finish()
         last = self._note, lambda: self._outcome(mode)

@@ -18,7 +18,8 @@ class BatchPhysics(Protocol):
         state: Simulation state of all environments: name -> array (num_envs, ...).
         changed: Number of times that arrays outside `state` have been replaced.
         flags: Failures so far as bits (num_envs,); the first one: the state is not finite.
-        is_interleaved: Whether `lead` and `finish` do anything, which graphs cannot replay.
+        is_interleaved: Whether `begin_sim_step` and `finish` do anything; graphs cannot replay
+            them.
     """
 
     state: dict[str, Any]
@@ -55,7 +56,7 @@ class BatchPhysics(Protocol):
         """
         return usual
 
-    def lead(self) -> None:
+    def begin_sim_step(self) -> None:
         """Begins a sim step, before `sim_step`, outside of graphs."""
         return None
 
