@@ -26,6 +26,8 @@ class Material:
 
     Attributes:
         stretch: Force per width and strain [N/m]; of a rope force per strain [N].
+        stiffening: Relative growth of the stretch stiffness of a sheet per strain in tension,
+            except of its diagonals.
         shear: Stiffness of a mesh's diagonals relative to its other edges.
         bend: Moment per width and curvature [N m]; of a rope [N m^2].
         bend_weft: If above 0, a sheet bends as an orthotropic plate: `bend` along its rest shape's
@@ -54,10 +56,11 @@ class Material:
     bend_bias: float = 0.0
     twist: float = 0.0
     twist_clamped: int = 0
+    stiffening: float = 0.0
 
 
 # Attributes that are written only if not 0, so that models load with older builds of the plugin.
-_OPTIONAL = ("bend_weft", "bend_bias", "twist", "twist_clamped")
+_OPTIONAL = ("bend_weft", "bend_bias", "twist", "twist_clamped", "stiffening")
 
 
 def add_instance(root: mjcf.RootElement) -> mjcf.Element:
@@ -90,7 +93,7 @@ def set_material(instance: mjcf.Element, material: Material) -> None:
     """Sets the material of an instance's flex.
 
     Raises:
-        UnavailableError: If it is a plate or twists, and the built plugin does not support that.
+        UnavailableError: If it is a plate, stiffens or twists, which the built plugin lacks.
     """
     for config in list(instance.config):
         if config.key in _OPTIONAL:

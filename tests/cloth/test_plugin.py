@@ -240,7 +240,7 @@ def compile_with(**material) -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_string(model_xml(sheet(4, 4, material=material)))
 
 
-NUMBERS = ["stretch", "shear", "bend", "bend_weft", "bend_bias", "stretch_damping",
+NUMBERS = ["stretch", "stiffening", "shear", "bend", "bend_weft", "bend_bias", "stretch_damping",
            "bend_damping", "friction", "drag", "contype", "conaffinity",
            "substeps", "sweeps", "contact_stiffness",
            "contact_damping"]  # fmt: skip

@@ -189,6 +189,7 @@ std::string Write(const mjModel* m, const Workspace& w, const std::vector<int>& 
   model.hinge_colors = model.hinge_blocks ? static_cast<int>(hinge_colors.size()) - 1 : 0;
   model.bend_interval = hinges.interval();
   model.edge_blocks_at = write(edges.blocks());
+  model.stiffening_at = edges.stiffening().empty() ? 0 : write(edges.stiffening());
   model.edge_order_at = write(edges.order());
   model.edge_colors_at = write(edge_colors);
   model.hinge_blocks_at = write(hinges.blocks());

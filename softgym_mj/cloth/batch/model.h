@@ -48,6 +48,7 @@ struct Model {
   int vertex_thickness_at;  // (vertices,) Thickness of vertices [m].
   // Rows of edges and hinges as they are at rest, the edge of each lane or -1, and the first block of each color.
   int edge_blocks_at, edge_order_at, edge_colors_at;
+  int stiffening_at;  // (edge_blocks,) `StiffeningBlock`; 0 if no edge stiffens.
   int hinge_blocks_at, hinge_order_at, hinge_colors_at;
   // Triangles and lanes of edge blocks at each vertex, in order: first indices, and the lists.
   int triangles_of_at, triangle_of_at, lanes_of_at, lane_of_at;

@@ -108,7 +108,9 @@ inline void EndChains(const Environment& w) {
 
 inline void SweepSprings(const Environment& w) {
   const Model& m = *w.model;
-  EachBlockOf(m.At<int>(m.edge_colors_at), m.edge_colors, [&](int b) { SweepEdges(w.points, w.edges + b); });
+  const StiffeningBlock* stiffening = m.stiffening_at ? m.At<StiffeningBlock>(m.stiffening_at) : nullptr;
+  EachBlockOf(m.At<int>(m.edge_colors_at), m.edge_colors,
+              [&](int b) { SweepEdges(w.points, w.edges + b, stiffening ? stiffening + b : nullptr); });
   SolveChains(w, false);
   EndChains(w);
 }

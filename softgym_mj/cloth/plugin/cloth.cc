@@ -19,10 +19,10 @@ namespace softgym_mj::cloth {
 namespace {
 
 constexpr const char* kAttributes[] = {
-    "stretch",         "shear",        "bend",         "bend_weft", "bend_bias",
-    "stretch_damping", "bend_damping", "friction",     "drag",      "added_mass",
-    "contype",         "conaffinity",  "substeps",     "sweeps",    "contact_stiffness",
-    "contact_damping", "twist",        "twist_clamped"};
+    "stretch",         "shear",        "bend",          "bend_weft", "bend_bias",
+    "stretch_damping", "bend_damping", "friction",      "drag",      "added_mass",
+    "contype",         "conaffinity",  "substeps",      "sweeps",    "contact_stiffness",
+    "contact_damping", "twist",        "twist_clamped", "stiffening"};
 
 // Returns the state size of a leading instance. The compiler calls it when only the sizes of flexes are known.
 int NumState(const mjModel* m, int instance) {

@@ -44,6 +44,14 @@ struct alignas(32) EdgeBlock {
   float impulse[kBlock];   // [kg m]
 };
 
+// Constants of edges that stiffen: their stiffness k grows with the elongation, and their dashpot does not.
+struct alignas(32) StiffeningBlock {
+  float stiffness[kBlock];  // k h^2 at rest [kg].
+  float growth[kBlock];     // Relative growth of k per elongation [1/m].
+  float mass[kBlock];       // Mean inverse mass w of the ends [1/kg].
+  float damping[kBlock];    // Dashpot times h [kg].
+};
+
 struct alignas(32) HingeBlock {
   int vertex[4][kBlock];
   float weight[4][kBlock];
@@ -174,7 +182,8 @@ struct ClothKernels {
   // Removes the share of the substep's motion so far that goes into added mass.
   void (*MoveAir)(const Points&);
   void (*Bend)(const Points&, HingeBlock*, int count, float substeps);
-  void (*SweepEdges)(const Points&, EdgeBlock*, int count);
+  // `stiffening`: one for each block, or null if no edge stiffens.
+  void (*SweepEdges)(const Points&, EdgeBlock*, const StiffeningBlock* stiffening, int count);
   void (*SweepLayers)(const Points&, const ContactRow&, LayerBlock*, int count, SweepPass);
   void (*WarmLayers)(const Points&, LayerBlock*, int count, float share);
   void (*SweepPlane)(const Points&, const ContactRow&, const Plane&, SweepPass);

@@ -22,8 +22,8 @@ inline void BendAll(const Points& points, HingeBlock* blocks, int count, float s
   for (int b = 0; b < count; ++b) SweepHinges(points, blocks + b);
   for (int i = 0; i < 4 * points.count; i += kLanes) SpreadBend(points, i, substeps);
 }
-inline void SweepAllEdges(const Points& points, EdgeBlock* blocks, int count) {
-  for (int b = 0; b < count; ++b) SweepEdges(points, blocks + b);
+inline void SweepAllEdges(const Points& points, EdgeBlock* blocks, const StiffeningBlock* stiffening, int count) {
+  for (int b = 0; b < count; ++b) SweepEdges(points, blocks + b, stiffening ? stiffening + b : nullptr);
 }
 inline void SweepAllLayers(const Points& points, const ContactRow& row, LayerBlock* blocks, int count, SweepPass pass) {
   for (int b = 0; b < count; ++b) SweepLayers(points, row, blocks + b, pass);

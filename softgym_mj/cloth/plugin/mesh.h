@@ -19,6 +19,7 @@ struct Material {
   // [N m] If bend_weft is above 0, a sheet bends as an orthotropic plate (plates.h): `bend` along the rest shape's X or
   // the grid lines nearest to it, bend_weft across, and bend_bias, or if 0 their mean, at 45 degrees.
   double bend_weft = 0, bend_bias = 0;
+  double stiffening = 0;             // Relative growth of the stretch stiffness of surfaces per strain in tension.
   double stretch_damping = 1e-3;     // [s] Dashpots as a multiple of the stiffness.
   double bend_damping = 0.05;        // [s]
   double friction = 0.75;            // Between layers.

@@ -48,6 +48,9 @@ constexpr int kMostPoints = 16;  // Largest number of fixed points along an edge
 constexpr float kRemembered = 5e-4f;
 constexpr int kFaces = 8;       // Number of face codes in a stored number, which is never 0.
 constexpr int kNumSides = 256;  // Stored numbers.
+// Largest share of the stiffness of an edge that is made up for one sweep: its row leaves it too long, because later
+// rows move its ends.
+constexpr double kMostGivenBack = 0.8;
 // Pairs with a gap above this share of the thickness exert no force yet.
 constexpr float kNotYet = 0.01f;
 constexpr int kLifts = 3;  // Largest number of searches for solids along motion changed by impact zones.

@@ -6,6 +6,7 @@
 
 #include "cloth/plugin/coloring.h"
 #include "cloth/plugin/edges.h"
+#include "cloth/plugin/method.h"
 
 namespace softgym_mj::cloth {
 namespace {
@@ -17,9 +18,21 @@ constexpr double kSoft = 5;
 // One sweep leaves edges of a surface too long, because later rows move their ends, as if a spring of
 // 1 / (kUndone w h^2) were in series with each (fitted to strips under load). The stiffness is corrected for this, up
 // to a limit: stiffness * w h^2 above 0.6 cannot be reached.
-constexpr double kUndone = 1.3, kMostGivenBack = 0.8;
+constexpr double kUndone = 1.3;
 double SweptStiffness(double stiffness, double inverse_mass, double h) {
   return stiffness / (1 - std::min(kUndone * stiffness * inverse_mass * h * h, kMostGivenBack));
+}
+
+// Sets a lane to the constants of an edge of which the stiffness grows.
+void SetStiffening(const Mesh& mesh, const Mesh::Edge& edge, double inverse_mass, double h, int lane,
+                   StiffeningBlock* block) {
+  const Material& material = mesh.materials[mesh.part[edge.vertex[0]]];
+  const double stiffness = EdgeStiffness(mesh, edge), full = FullStiffness(mesh, edge);
+  const bool diagonal = stiffness < full;
+  block->stiffness[lane] = static_cast<float>(stiffness * h * h);
+  block->growth[lane] = static_cast<float>(diagonal ? 0 : material.stiffening / edge.length);
+  block->mass[lane] = static_cast<float>(inverse_mass);
+  block->damping[lane] = static_cast<float>(material.stretch_damping * full * h);
 }
 
 double HingeMass(const Mesh::Hinge& hinge, const std::vector<double>& mass) {
@@ -54,12 +67,16 @@ void EdgeRows::Reset(const Mesh& mesh, double h) {
   coloring.Order(vertices.data(), static_cast<int>(ids.size()), 2, counts.data(), dummy + 1, &order_);
   for (int& i : order_) i = i < 0 ? -1 : ids[i];
   blocks_.resize(order_.size() / kBlock);
+  const bool stiffens = std::any_of(mesh.materials.begin(), mesh.materials.end(),
+                                    [](const Material& material) { return material.stiffening > 0; });
+  stiffening_.assign(stiffens ? blocks_.size() : 0, StiffeningBlock{});
   for (size_t i = 0; i < order_.size(); ++i) {
     EdgeBlock& block = blocks_[i / kBlock];
     const int lane = i % kBlock, e = order_[i];
     block.vertex[0][lane] = block.vertex[1][lane] = dummy;
     block.start[0][lane] = block.length[lane] = block.before[lane] = block.gamma[lane] = 1;
     block.start[1][lane] = block.start[2][lane] = block.keep[lane] = block.impulse[lane] = 0;
+    if (stiffens) stiffening_[i / kBlock].stiffness[lane] = 1;
     if (e < 0) continue;
     const Mesh::Edge& edge = mesh.edges[e];
     // Diagonals are softer, but their dashpots are as strong.
@@ -72,6 +89,7 @@ void EdgeRows::Reset(const Mesh& mesh, double h) {
     block.length[lane] = static_cast<float>(edge.length);
     block.gamma[lane] = static_cast<float>(row.gamma);
     block.keep[lane] = static_cast<float>(1 - row.b);
+    if (stiffens) SetStiffening(mesh, edge, inverse_mass, h, lane, &stiffening_[i / kBlock]);
   }
 }
 
@@ -90,7 +108,8 @@ void EdgeRows::Start(const cloth::Start& start, const double* after) {
 }
 
 void EdgeRows::Sweep(const ClothKernels& kernels, const Points& points) {
-  kernels.SweepEdges(points, blocks_.data(), static_cast<int>(blocks_.size()));
+  kernels.SweepEdges(points, blocks_.data(), stiffening_.empty() ? nullptr : stiffening_.data(),
+                     static_cast<int>(blocks_.size()));
 }
 
 void EdgeRows::AddHoldingForces(const Points& points, double share, std::vector<double>* forces) const {

@@ -35,11 +35,14 @@ class EdgeRows {
   void Keep(const Points& points, double* after) const;
 
   const Aligned<EdgeBlock>& blocks() const { return blocks_; }
+  // One for each of blocks(), or none if no edge stiffens.
+  const Aligned<StiffeningBlock>& stiffening() const { return stiffening_; }
   // The edge of each lane, or -1.
   const std::vector<int>& order() const { return order_; }
 
  private:
   Aligned<EdgeBlock> blocks_;
+  Aligned<StiffeningBlock> stiffening_;
   std::vector<int> order_;
   std::vector<int> held_;  // Lanes of edges with a vertex that is held.
 };

@@ -108,6 +108,7 @@ std::string ParseMaterial(const mjModel* m, int instance, Material* out) {
   AttributeReader read(m, instance);
   read.Numbers("stretch", &out->stretch, 1, 1e-3, 1e6);
   read.Numbers("shear", &out->shear, 1, 1e-3, 1);
+  read.Numbers("stiffening", &out->stiffening, 1, 0, 1000);
   read.Numbers("bend", &out->bend, 1, 0, 1);
   read.Numbers("bend_weft", &out->bend_weft, 1, 0, 1);
   read.Numbers("bend_bias", &out->bend_bias, 1, 0, 1);
