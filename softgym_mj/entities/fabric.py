@@ -22,8 +22,15 @@ AREA_DENSITY, BEND_STIFFNESS = 0.128, 1.03e-5  # [kg/m^2], [N m]
 # half times `shear`: sheared by an angle g they lengthen by l g / sqrt 2, so the sheet resists with
 # stretch times shear / 4.8 per width and angle.
 _SHEAR = 4.8
+_LINES = 1.2  # Stretch stiffness over that of a grid's lines per width.
 _LEAST_SHEAR = 1e-3  # The solver's lower limit.
-_MAY_BE_NONE = ("drag", "added_mass", "bend_weft", "bend_bias")  # These parameters may be 0.
+_MAY_BE_NONE = (
+    "drag",
+    "added_mass",
+    "bend_weft",
+    "bend_bias",
+    "stiffening",
+)  # These parameters may be 0.
 
 
 @typed
@@ -41,6 +48,8 @@ class Fabric:
             edges: stiffer than nominal at sharp bends, and an eighth more compliant in stretch
             where it is soft.
         bend_bias: bending stiffness of a plate at 45 degrees between them; 0 for the mean of both.
+        stiffening: growth s of the stretch stiffness k with strain e in tension: force per width
+            k e (1 + s e). 0, as for the tasks' cloth, for woven fabrics; knits have 16 to 123.
         stretch_damping, bend_damping: dashpots as a multiple of the stiffness [s].
         density: mass per area [kg/m^2].
         thickness: distance of layers; on the floor, vertices are at half of it [m].
@@ -72,6 +81,7 @@ class Fabric:
     added_mass: float = 0.0
     bend_weft: float = 0.0
     bend_bias: float = 0.0
+    stiffening: float = 0.0
 
     def __post_init__(self):
         for name, value in dataclasses.asdict(self).items():
@@ -80,7 +90,12 @@ class Fabric:
 
     @classmethod
     def named(
-        cls, name: str, *, anisotropic: bool = False, measured_shear: bool = False
+        cls,
+        name: str,
+        *,
+        anisotropic: bool = False,
+        measured_shear: bool = False,
+        measured_stiffening: bool = False,
     ) -> "Fabric":
         """Returns a measured fabric, as far as a sheet can represent it.
 
@@ -95,6 +110,7 @@ class Fabric:
                 weft as measured; else equally, by their mean.
             measured_shear: whether `shear` reproduces the measured shear stiffness, as far as
                 possible.
+            measured_stiffening: whether a knit stiffens with strain as measured.
 
         Raises:
             InvalidArgumentError: if there is no such fabric.
@@ -105,6 +121,7 @@ class Fabric:
         return cls(
             stretch_stiffness=data.mean_stretch,
             shear=shear if measured_shear else cls.shear,
+            stiffening=data.stiffening if measured_stiffening else cls.stiffening,
             bend_stiffness=warp,
             bend_weft=weft,
             bend_bias=bias,
@@ -134,6 +151,10 @@ class Fabric:
             ),
             _of_plates("bend_weft", self.bend_weft, "bending along Y; 0 for isotropic"),
             _of_plates("bend_bias", self.bend_bias, "bending at 45 deg; 0 for the mean"),
+            Parameter(  # Presets do not vary it.
+                "stiffening", "", self.stiffening, (self.stiffening,) * 2,
+                (0.0, _MOST_STIFFENING), "growth of the stretch stiffness with strain",
+            ),
             scaled("stretch_damping", "s", self.stretch_damping, 2.0, 5.0, "damping time"),
             scaled("bend_damping", "s", self.bend_damping, 2.0, 5.0, "damping time"),
             scaled("density", "kg/m^2", self.density, 1.4, 2.0, "mass per area"),
@@ -156,6 +177,7 @@ class Fabric:
         )  # fmt: skip
 
 
+_MOST_STIFFENING = 200.0  # Upper limit, above all measured knits.
 _MOST_BEND = 1e-3  # [N m] Upper limit, stiffer than any fabric.
 
 
@@ -173,16 +195,19 @@ def _stretch_factor(shear: float) -> float:
     the lines and pulls as much across them, while a strip is free to contract.
     """
     along, across = 1.0 + shear / 4.0, shear / 4.0
-    return 1.2 / (along - across**2 / along)
+    return _LINES / (along - across**2 / along)
 
 
 def solver_material(values: Mapping[str, float]) -> dict[str, float]:
     """Returns attributes of `solver.Material` by name, for those of a `Fabric` by name."""
-    stretch = values["stretch_stiffness"]
+    stretch, stiffening = values["stretch_stiffness"], values["stiffening"]
     if values["bend_weft"] > 0.0:
-        stretch *= _stretch_factor(values["shear"])
+        factor = _stretch_factor(values["shear"])
+        # Diagonals do not stiffen, so the lines have to for them.
+        stretch, stiffening = stretch * factor, stiffening * _LINES / factor
     return {
         "stretch": stretch,
+        "stiffening": stiffening,
         "shear": values["shear"],
         "bend": values["bend_stiffness"],
         "bend_weft": values["bend_weft"],

@@ -111,6 +111,13 @@ def test_an_environment_bends_a_plate_as_the_plugin_does():
     _play_and_check([followed], solver, 4)
 
 
+def test_an_environment_stiffens_as_the_plugin_does():
+    followed = _Followed("spread_cloth", 803, domain={"stiffening": 60.0})
+    solver = _solver([_model(followed.env)])
+    followed.place(solver, 0)
+    _play_and_check([followed], solver, 4)
+
+
 @pytest.mark.parametrize(("task", "variation", "number"), EPISODES)
 def test_an_environment_makes_the_steps_of_the_plugin(task, variation, number):
     followed = _Followed(task, variation)

@@ -64,15 +64,25 @@ def _between(value: float, name: str, x: np.ndarray, y: np.ndarray) -> float:
     return float(np.exp(curve(np.log(value))))
 
 
-def hanging_strain(density: float, stretch: float, length: float) -> float:
-    """Returns the mean strain of a strip under its own weight.
+def hanging_strain(
+    density: float, stretch: float, length: float, stiffening: float = 0.0, load: float = 0.0
+) -> float:
+    """Returns the mean strain of a strip under its own weight and a load at its end.
 
     Args:
         density: [kg/m^2]
-        stretch: force per width and strain [N/m].
+        stretch: force per width and small strain [N/m].
         length: [m]
+        stiffening: s of a force per width k e (1 + s e) at a strain e.
+        load: load per width [N/m].
     """
-    return density * GRAVITY * length / (2.0 * stretch)
+    weight = density * GRAVITY * length
+    if stiffening == 0.0:
+        return (load + weight / 2.0) / stretch
+    # With r^2 = 1 + 4 s T / k, the strain at a tension T is (r - 1) / (2 s). T is linear in place.
+    end, top = (math.sqrt(1.0 + 4.0 * stiffening * t / stretch) for t in (load, load + weight))
+    mean = (top * top + top * end + end * end) / (top + end) / 1.5
+    return (mean - 1.0) / (2.0 * stiffening)
 
 
 def terminal_speed(density: float, drag: float) -> float:
