@@ -63,7 +63,7 @@ def _tools_and_joints(sensed):
 
 LONG = (
     "fold_cloth/franka", "spread_cloth/franka", "drop_cloth/franka", "rope_configuration/franka",
-    "fold_cloth/sawyer", "straighten_rope/ur5e",
+    "fold_cloth/sawyer", "straighten_rope/ur5e", "route_cable/franka",
 )  # fmt: skip
 
 
@@ -95,6 +95,26 @@ def test_an_expert_acts_as_in_environments(case):
         scores = [seen[-1][1]["normalized_performance"] for _, seen in episodes]
         np.testing.assert_allclose(infos["normalized_performance"], scores, atol=0.03)
     assert np.any(held)
+    envs.close()
+
+
+def test_hands_rest_on_boxes_as_in_environments():
+    envs, alone = _make("route_cable"), SoftGymEnv("route_cable", **SETTINGS)
+    _reset(envs)
+    alone.reset(options={"variation": VARIATIONS[1]})
+    actor, physics, number = alone.dm_env.task.actor, alone.dm_env.physics, 0
+    jaws = physics.named.data.geom_xpos[["jaw_0", "jaw_3"]]
+    for k in range(12):
+        # A pad of each open hand comes down on a jaw of a clip, presses, slides and rises.
+        goals = jaws + [0.04 + 0.001 * k, 0.0, 0.1 if k < 5 or k > 9 else -0.05]
+        ways = (goals - actor.commanded_positions()) / (8 * MAX_DISPLACEMENT)
+        action = actor.displacing(np.clip(ways, -1.0, 1.0), [False, False]).astype(np.float32)
+        observations, *_, infos = envs.step(np.stack([action] * 3))
+        expected = alone.step(action)[0]["proprioception"]
+        np.testing.assert_allclose(observations["proprioception"][1], expected, atol=2e-5)
+        number = max(number, physics.data.ncon)
+    assert number > 8
+    assert infos["physics_warnings"][1] == 0
     envs.close()
 
 

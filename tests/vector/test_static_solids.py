@@ -78,14 +78,15 @@ def test_hands_meet_the_bar_as_in_environments(arms):
         found.append(np.abs(sensed[1] - expected)[: 3 * arms].max())
         behind.append(np.abs(actor.positions() - actor.commanded_positions()).max())
     assert max(behind) > 0.08  # [m] The bar stops them.
-    assert max(found) < 3e-3  # [m] Tool points while they touch: contact is approximate.
-    assert found[-1] < 1e-4
+    assert max(found) < 1e-5  # [m] Tool points while they touch.
     assert infos["physics_warnings"][1] == 0
     envs.close()
 
 
-def test_arms_are_refused_among_boxes():
-    with pytest.raises(InvalidArgumentError, match=r"fixed solids.*jaw_0"):
+def test_arms_are_refused_among_unknown_solids(monkeypatch):
+    pytest.importorskip("jax", reason="needs the extra gpu-arms")
+    monkeypatch.setattr("softgym_mj.vector.batch.arms.KNOWN", ())
+    with pytest.raises(InvalidArgumentError, match=r"fixed solids.*peg_0"):
         softgym_mj.make_vec("route_cable", 2, device="host", actor="franka")
 
 

@@ -1,7 +1,7 @@
 """`ArmBatch`: one or two arms in each environment of a batch, with the control of `Arms`."""
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -186,7 +186,7 @@ class ArmBatch(ControlledArms):
         state: ArmState,
         pose: Pose,
         phase: jax.Array,
-        fixed: contacts.Fixed | None = None,
+        fixed: Mapping[str, contacts.Fixed] | None = None,
         touches: jax.Array | None = None,
     ) -> tuple[ArmState, jax.Array, hands.SolidSteps]:
         """Returns the state after a physics step, the arms' inertia, and the motion of solids.
@@ -195,14 +195,14 @@ class ArmBatch(ControlledArms):
             state: state of the arms.
             pose: their pose.
             phase: sim steps from the last solution to the end of the physics step.
-            fixed: fixed solids.
+            fixed: fixed solids by kind.
             touches: which solids of hands touch them (n, k) bool.
         """
         arm, arms, command = self._dynamics, self.kinematics, self._commands(state, phase)
 
         def step(pose, positions, speeds, command, base, yaw, touches):
             met = None
-            if fixed is not None:
+            if fixed:
                 place = base, yaw
                 met = contacts.contacts(arm.chain, self._shapes, fixed, pose, place, touches)
             return dynamics.step(arm, pose, positions, speeds, command, contacts=met)

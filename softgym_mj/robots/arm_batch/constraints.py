@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 
+EDGES = 4  # Edges of a friction pyramid.
 LEAST, MOST = mujoco.mjMINIMP, mujoco.mjMAXIMP  # Limits of an impedance.
 
 
@@ -37,7 +38,9 @@ class Rows(NamedTuple):
 
 
 class Contacts(NamedTuple):
-    """Further rows, which only push: edges of friction cones of r / 4 contacts.
+    """Further rows, which only push: edges of the friction pyramids of r / 4 contacts.
+
+    The first edges of all pyramids come first, then their second edges, and so on.
 
     Attributes:
         jacobian: derivatives of gaps by the joints (r, m).
@@ -124,13 +127,13 @@ def evaluate(
     each: list[Any] = [jacobian, position, rows.inverse, rows.time, rows.ratio, rows.impedance]
     if contacts is not None:
         each = [jnp.concatenate(pair) for pair in zip(each, contacts, strict=True)]
-    jacobian, position, inverse, time, ratio, parameters = each
+    jacobian, position, inverse, time, damping, parameters = each
     speed = (jacobian * speeds).sum(-1)
     is_limit = np.arange(len(position)) > 0
 
     impedance = _impedance(parameters, jnp.abs(position))
     widest = jnp.clip(parameters[:, 1], LEAST, MOST)
-    spring = 1.0 / (widest * time * ratio) ** 2
+    spring = 1.0 / (widest * time * damping) ** 2
     damper = 2.0 / (widest * time)
     # A limit that is too stiff for the step gets the stiffest row without restitution.
     excess = step**2 * spring * impedance
@@ -145,7 +148,11 @@ def evaluate(
         (1.0 - impedance) * inverse / impedance / factor, (1.0 - MOST) * inverse / MOST
     )
     squares = jacobian**2
-    softness *= (squares / metric).sum(-1) / (squares / inertia).sum(-1)
+    ratio = (squares / metric).sum(-1) / (squares / inertia).sum(-1)
+    if contacts is not None:  # All edges of a contact have the softness of the first.
+        own, edges = jnp.split(ratio, [len(rows.inverse)])
+        ratio = jnp.concatenate([own, *([edges[: len(edges) // EDGES]] * EDGES)])
+    softness *= ratio
     pull = spring * impedance * position + (damper + step * spring * impedance) * speed
     reached = ~is_limit | (position < 0.0)
     # Rows that nothing reaches have no numbers: their gaps may be infinite.

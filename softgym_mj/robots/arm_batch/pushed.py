@@ -1,7 +1,7 @@
 """`PushedArms`: arms in a batch that the object on their hands pushes back."""
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import jax
@@ -107,7 +107,7 @@ class PushedArms(ArmBatch):
         state: ArmState,
         push: Push,
         action: jax.Array,
-        fixed: contacts.Fixed | None,
+        fixed: Mapping[str, contacts.Fixed],
         solid: jax.Array,
         phase: jax.Array,
     ) -> tuple[ArmState, Push, Hands]:
@@ -117,7 +117,7 @@ class PushedArms(ArmBatch):
             state: arms after the last step without its push.
             push: push in the last step.
             action: action of the env step.
-            fixed: fixed solids, if there are any.
+            fixed: fixed solids by kind.
             solid: whether the pads of each hand touch anything (n,).
             phase: sim steps since the last solution.
 

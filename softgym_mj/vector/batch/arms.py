@@ -19,7 +19,7 @@ from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.arm.mounts import Mount
 from softgym_mj.robots.arm_batch import models
 from softgym_mj.robots.arm_batch.arms import kinds_of
-from softgym_mj.robots.arm_batch.contacts import ROUND, Fixed, read_fixed
+from softgym_mj.robots.arm_batch.contacts import KNOWN, Fixed, read_fixed
 from softgym_mj.robots.arm_batch.pushed import Push, PushedArms
 from softgym_mj.robots.arm_batch.sharing import device_like, put, shared
 from softgym_mj.robots.arm_batch.state import (
@@ -77,7 +77,7 @@ class ArmClothBatch(ClothBatch):
 
     def _unmet(self) -> list[str]:
         model = self._env.physics.model.ptr
-        return [model.geom(i).name for i in self._static if model.geom_type[i] not in ROUND]
+        return [model.geom(i).name for i in self._static if model.geom_type[i] not in KNOWN]
 
     def _solids(self) -> tuple[int, int]:
         return len(self._geoms) + len(self._static), len(self._actor.arm.joints) + 2
@@ -187,8 +187,8 @@ class ArmClothBatch(ClothBatch):
             if self._count == 0:
                 self._now = self._shared(packed(self.state["arms"]))
                 self._action, push = self._shared(self._actions), self._no_push
-                fixed = self._shared(self.state.get("fixed"))
-                self._fixed = Fixed(**fixed) if fixed else None
+                fixed = self._shared(self.state.get("fixed", {}))
+                self._fixed = {kind: Fixed(**solids) for kind, solids in fixed.items()}
             else:
                 push = self._pushed()
             if phase == 0:
