@@ -35,7 +35,7 @@ COMMANDS = {
 }
 # As the console script does: CPython ends `python -m` by the signal if it came within exec("").
 MAIN = "from softgym_mj_command import main; main()"
-LONG = ("film", "demo", "rollout", "generate by two", "evaluate", "plan")
+LONG = ("film", "demo", "rollout", "generate", "generate by two", "evaluate", "plan")
 
 
 def start(command, folder):

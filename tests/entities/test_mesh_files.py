@@ -77,8 +77,12 @@ def _mesh(name):
 @pytest.mark.parametrize(
     "name",
     [
-        "holes", "duplicated vertices", "nearly equal vertices", "collapsed faces",
-        "slim triangles", "a sliver", "an edge ratio above 4", "two parts", "a pocket",
+        *("holes", "duplicated vertices", "slim triangles", "two parts", "a pocket"),
+        *(
+            pytest.param(name, marks=pytest.mark.long)
+            for name in ("nearly equal vertices", "collapsed faces", "a sliver",
+                         "an edge ratio above 4")
+        ),
     ],
 )  # fmt: skip
 def test_meshes_of_all_kinds_fall_without_crossing(tmp_path, name):

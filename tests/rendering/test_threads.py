@@ -39,7 +39,7 @@ print(made[0].observation()["rgb"].std() > 1)
 """
 
 
-@pytest.mark.parametrize("end", ["close", "collect"])
+@pytest.mark.parametrize("end", ["collect", pytest.param("close", marks=pytest.mark.long)])
 def test_who_used_an_environment_elsewhere_gets_an_error_and_no_tracebacks(end):
     command = [sys.executable, "-W", "ignore", "-c", CODE, end]
     process = subprocess.run(command, capture_output=True, check=False, text=True)
