@@ -79,11 +79,6 @@ class FabricData:
         """Mean of the three directions [N m]."""
         return sum(self.bending) / 3.0
 
-    @property
-    def gravity_length(self) -> float:
-        """Bending length (B / (density g))^(1/3) [m], which determines the drape."""
-        return (self.mean_bending / (self.density * GRAVITY)) ** (1.0 / 3.0)
-
 
 def _origin(known: str, *names: str) -> dict[str, str]:
     """Returns origins: `known` for the fields `names`, "assumed" for the other numbers."""

@@ -11,7 +11,7 @@ from softgym_mj.entities import Fabric
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.exceptions import InvalidArgumentError
 
-# [mm] Gravity bending lengths as tabulated for each fabric, independently of `gravity_length`.
+# [mm] Gravity bending lengths (B / (density g))^(1/3) as tabulated for each fabric.
 GRAVITY_LENGTHS = {
     "gray_interlock": 14.1, "ivory_rib_knit": 14.9, "pink_ribbon": 21.4, "white_dots": 20.2,
     "navy_sparkle": 17.7, "camel_ponte": 14.7, "black_denim": 18.3, "white_swim": 19.2,
@@ -23,7 +23,8 @@ GRAVITY_LENGTHS = {
 
 def test_fabrics_drape_by_the_lengths_that_are_known_of_them():
     assert list(FABRICS) == list(GRAVITY_LENGTHS)
-    found = {name: 1e3 * fabric.gravity_length for name, fabric in FABRICS.items()}
+    cubes = {name: f.mean_bending / (f.density * fabrics.GRAVITY) for name, f in FABRICS.items()}
+    found = {name: 1e3 * cube ** (1 / 3) for name, cube in cubes.items()}
     # Values of the ten fabrics are means of five directions, ours of three.
     assert found == pytest.approx(GRAVITY_LENGTHS, rel=0.01)
 

@@ -182,6 +182,12 @@ HOMES = {
     "sawyer": (0.450, 0.160, 0.107),
     "ur5e": (0.492, 0.133, 0.346),
 }
+# Height of the second joint's axis above the mounting plane [m]: all sources; 0.08 + 0.237, all
+# sources; Universal Robots.
+SHOULDERS = {"franka": 0.333, "sawyer": 0.317, "ur5e": 0.1625}
+# [N] Of each finger: pybullet_data and robosuite (the Franka can do more than cloth needs);
+# Rethink's xacro and robosuite; of Robotiq's 20 to 235 N.
+GRIP_FORCE = 20.0
 
 
 @pytest.fixture(params=list(ARMS))
@@ -276,14 +282,12 @@ def test_names_are_those_of_the_model(arm, model):
     assert names == [*arm.joints, *arm.finger_joints]
     for name in names:
         assert model.actuator(name).trnid[0] == model.joint(name).id
-    assert {model.site(i).name for i in range(model.nsite)} == {arm.tcp_site, *arm.pad_sites}
+    assert {model.site(i).name for i in range(model.nsite)} == {arm.tcp_site, *arm.pad_geoms}
     assert [model.joint(i).name for i in range(model.njnt)] == names
     for name in arm.finger_joints:
         np.testing.assert_array_equal(model.joint(name).range, arm.finger_range)
         np.testing.assert_array_equal(model.actuator(name).ctrlrange, arm.finger_commands)
-        np.testing.assert_array_equal(
-            model.actuator(name).forcerange, [-arm.grip_force, arm.grip_force]
-        )
+        np.testing.assert_array_equal(model.actuator(name).forcerange, [-GRIP_FORCE, GRIP_FORCE])
     assert arm.opening == pytest.approx((0.0, OPENINGS[arm.name]))
 
 
@@ -338,7 +342,7 @@ def test_home_is_the_documented_pose(arm, model, data):
     approach = data.site(arm.tcp_site).xmat.reshape(3, 3)[:, 2]
     assert math.degrees(math.acos(-approach[2])) < 1.0
     shoulder = data.joint(arm.joints[1]).xanchor
-    assert shoulder[2] == pytest.approx(arm.shoulder_height)
+    assert shoulder[2] == pytest.approx(SHOULDERS[arm.name])
 
 
 def test_home_is_clear_of_the_ground(arm, model, data):
@@ -359,7 +363,7 @@ def test_fingers_open_and_close(arm, model, data):
         assert left - right - thickness == pytest.approx(opening, abs=5e-4)
         assert left + right == pytest.approx(0.0, abs=1e-3)
         if opening == 0.0:
-            np.testing.assert_allclose(data.actuator_force[fingers], -arm.grip_force, rtol=0.02)
+            np.testing.assert_allclose(data.actuator_force[fingers], -GRIP_FORCE, rtol=0.02)
 
 
 def test_one_finger_drags_the_other(arm, model, data):
@@ -376,7 +380,7 @@ def test_one_finger_drags_the_other(arm, model, data):
 def test_pads_are_about_the_tcp(arm, model, data):
     site = data.site(arm.tcp_site)
     axes = site.xmat.reshape(3, 3)
-    for pad, sign in zip(arm.pad_sites, (1, -1), strict=True):
+    for pad, sign in zip(arm.pad_geoms, (1, -1), strict=True):
         face = axes.T @ (data.site(pad).xpos - site.xpos)
         np.testing.assert_allclose(face[:2], [0.0, sign * arm.finger_range[1]], atol=1e-9)
         box, size = data.geom(pad), model.geom(pad).size

@@ -37,7 +37,7 @@ def test_fingers_are_at_the_lower_edge_and_what_they_reach_for_in_the_middle(cas
     axes = physics.named.data.site_xmat
     for i, camera in enumerate(env.task.actor.wrists):
         prefix = f"arms/{arm}_{i}/"
-        left, right = (seen_at(physics, camera, sites[f"{prefix}{pad}"]) for pad in model.pad_sites)
+        left, right = (seen_at(physics, camera, sites[f"{prefix}{pad}"]) for pad in model.pad_geoms)
         assert -0.8 < left[0] < 0.0 < right[0] < 0.8 or -0.8 < right[0] < 0.0 < left[0] < 0.8
         np.testing.assert_allclose(left, right * [-1.0, 1.0], atol=0.02)
         assert 1 / 3 < left[1] < 0.9

@@ -22,8 +22,8 @@ class Arm:
         finger_joints: the two slides; equal positions are symmetric, 0 is closed.
         tcp_site: the point between the pads; its z axis points out of the gripper, and the fingers
             close along its y axis.
-        pad_sites: middle of the inner face of each pad, in the order of the finger joints.
-        pad_geoms: box of each pad.
+        pad_geoms: box of each pad, in the order of the finger joints; sites of the same names are
+            in the middle of their inner faces.
         home: joint angles (joints,) [rad]; the gripper points straight down.
         home_cup: joint angles (joints,) [rad]; the gripper points ahead, and its fingers close on
             an upright plate.
@@ -32,9 +32,7 @@ class Arm:
         finger_range: position of a finger when closed and when open [m].
         finger_commands: position command of a finger that closes with full grip force, and of one
             that opens [m].
-        grip_force: largest force of each finger [N].
         pad_reach: distance from the TCP to the far end of the pads along the TCP's z axis [m].
-        shoulder_height: height of the second joint's axis above the mounting plane z = 0 [m].
         distance: distance of the base from the middle for cloth and rope [m].
         reach: `inner` and `outer` of its `Mount` [m].
         standoff: distance of the base from the line of a cup's handle [m].
@@ -52,15 +50,12 @@ class Arm:
     torque_limits: tuple[float, ...]
     finger_range: tuple[float, float]
     finger_commands: tuple[float, float]
-    grip_force: float
     pad_reach: float
-    shoulder_height: float
     distance: float
     reach: tuple[float, float]
     standoff: float
     menagerie: str
     tcp_site: str = "tcp"
-    pad_sites: tuple[str, str] = ("left_pad", "right_pad")
     pad_geoms: tuple[str, str] = ("left_pad", "right_pad")
 
     @property
@@ -94,9 +89,7 @@ FRANKA = Arm(
     torque_limits=(87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0),
     finger_range=(0.0, 0.04),  # All sources.
     finger_commands=(-0.01, 0.04),  # kp 2000 N/m times 10 mm is the grip force.
-    grip_force=20.0,  # pybullet_data and robosuite; the hand can do more than cloth needs.
     pad_reach=0.00925,  # Half of an 18.5 mm pad, as in mani_skill, centered at the TCP.
-    shoulder_height=0.333,  # All sources.
     distance=0.7,
     reach=(0.28, 0.78),
     standoff=0.55,
@@ -120,11 +113,9 @@ SAWYER = Arm(
     # Rethink's xacro; closed is 0 in the innermost slot of the fingers, where the pads meet.
     finger_range=(0.0, 0.020833),
     finger_commands=(-0.01, 0.020833),  # kp 2000 N/m times 10 mm is the grip force.
-    grip_force=20.0,  # Rethink's xacro and robosuite.
     # Half of a 33 mm pad, less what the TCP (0.109 m from the hand, as in robosuite) is beyond its
     # middle (0.1065 m).
     pad_reach=0.014,
-    shoulder_height=0.317,  # 0.08 + 0.237, all sources.
     distance=0.7,
     reach=(0.25, 0.85),
     standoff=0.55,
@@ -154,9 +145,7 @@ UR5E = Arm(
     torque_limits=(150.0, 150.0, 150.0, 28.0, 28.0, 28.0),
     finger_range=(0.0, 0.0425),  # Robotiq: a stroke of 85 mm.
     finger_commands=(-0.01, 0.0425),  # kp 2000 N/m times 10 mm is the grip force.
-    grip_force=20.0,  # Robotiq: 20 to 235 N.
     pad_reach=0.01875,  # Half of a 37.5 mm pad, as in Menagerie, centered at the TCP.
-    shoulder_height=0.1625,  # Universal Robots.
     distance=0.7,
     reach=(0.25, 0.8),
     standoff=0.6,
