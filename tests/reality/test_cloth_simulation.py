@@ -68,7 +68,7 @@ def test_a_fit_of_a_line_has_the_interval_of_its_slopes():
 def test_secret_properties_are_found_in_recordings_of_them(tmp_path):
     secret = dataclasses.replace(ASSUMED, drag=2.2, added_mass=0.1, length=1.02)
     for number, width in enumerate((0.06, 0.08, 0.1, 0.12, 0.14, 0.16, 0.18, 0.2)):
-        cloths.write(tmp_path, simulated(f"range30_rep{number}", secret, width))
+        cloths.write(tmp_path, simulated(f"range30_rep{number}", secret, width, frames=16))
     found, out = tmp_path / "found.json", tmp_path / "out.json"
     arguments = ["identify", "cloth", str(tmp_path), "--out", str(found)]
     result = CliRunner().invoke(commands.app, arguments)
