@@ -49,9 +49,9 @@ def _random(number, seed=0):
 
 
 @functools.cache
-def _recorded(task, actor):
+def _recorded(task, **settings):
     """An expert's episodes on the CPU: actions, observations and infos of each variation."""
-    return recorded(softgym_mj.load(task, **{**SETTINGS, "actor": actor}), VARIATIONS)
+    return recorded(softgym_mj.load(task, **{**SETTINGS, **settings}), VARIATIONS)
 
 
 def _tools_and_joints(sensed):
@@ -72,8 +72,9 @@ LONG = (
 )
 def test_an_expert_acts_as_in_environments(case):
     task, actor = case.split("/")
-    episodes = _recorded(task, actor)
-    envs, sensed, held = _make(task, actor=actor, autoreset_mode="Disabled"), [], []
+    settings = {"actor": actor, **({} if case in LONG else {"horizon": 2 * STEPS})}
+    episodes = _recorded(task, **settings)
+    envs, sensed, held = _make(task, autoreset_mode="Disabled", **settings), [], []
     observations, infos = _reset(envs)
     for i, (_, seen) in enumerate(episodes):
         for name, array in seen[0][0].items():
