@@ -14,6 +14,7 @@ from softgym_mj.robots.arm_batch.action_spaces import ActionSpace
 from softgym_mj.robots.arm_batch.chain import Pose
 from softgym_mj.robots.arm_batch.inverse_kinematics import Kinematics
 from softgym_mj.robots.arm_batch.state import ArmState
+from softgym_mj.robots.base import SIM_STEP
 
 
 class ControlledArms:
@@ -23,17 +24,16 @@ class ControlledArms:
         kinematics: kinematics of the arms of an environment.
     """
 
-    def __init__(self, arm: Arm, kinematics: Kinematics, action: ActionSpace, timestep: float):
+    def __init__(self, arm: Arm, kinematics: Kinematics, action: ActionSpace):
         """Prepares the arms.
 
         Args:
             arm: kind of arm.
             kinematics: the arms.
             action: action space, whose commands the joints follow.
-            timestep: physics step [s].
         """
         self._arm, self._joints, self.kinematics = arm, len(arm.joints), kinematics
-        model, self._lags = models.dynamic_model(arm, timestep)
+        model, self._lags = models.dynamic_model(arm, SIM_STEP)
         self._dynamics, self._action = dynamics.dynamics_of(model), action
 
     def _solve(self, state: ArmState, entries: jax.Array) -> ArmState:

@@ -189,7 +189,7 @@ class CupArms(ControlledArms):
             kinematics = inverse_kinematics.kinematics_of(
                 arm, (mount,), home=home, orientation_cost=ORIENTATION_COST
             )
-            super().__init__(arm, kinematics, CupActionSpace(kinematics), SIM_STEP)
+            super().__init__(arm, kinematics, CupActionSpace(kinematics))
         self.solve = jax.jit(jax.vmap(self._solved))
         self.step = jax.jit(jax.vmap(self._stepped, (0, 0, 0, 0, None)))
         self.finish = jax.jit(jax.vmap(self._finished))

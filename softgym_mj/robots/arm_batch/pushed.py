@@ -8,10 +8,23 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from softgym_mj.robots.arm.arms import Arms
+from softgym_mj.robots.arm.grasps import CLOSING_SPEED, GRASPS, AttachGrasp
 from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.arm.mounts import Mount
-from softgym_mj.robots.arm_batch import commands, contacts, hands, inverse_kinematics
-from softgym_mj.robots.arm_batch.arms import ArmBatch
+from softgym_mj.robots.arm.position_action import PositionAction
+from softgym_mj.robots.arm_batch import (
+    clearance,
+    commands,
+    contacts,
+    dynamics,
+    hands,
+    inverse_kinematics,
+    models,
+)
+from softgym_mj.robots.arm_batch.action_spaces import ACTION_SPACES
+from softgym_mj.robots.arm_batch.chain import Pose
+from softgym_mj.robots.arm_batch.controlled_arms import ControlledArms
 from softgym_mj.robots.arm_batch.state import ArmState
 from softgym_mj.robots.base import SIM_STEP
 
@@ -70,8 +83,12 @@ class Ended(NamedTuple):
     poses: jax.Array
 
 
-class PushedArms(ArmBatch):
-    """Arms whose sim steps are single physics steps, interleaved with those of an object.
+class PushedArms(ControlledArms):
+    """Arms of environments that step together, on the device of their arrays.
+
+    Their control is that of `Arms`; their sim steps are single physics steps, interleaved with
+    those of an object. Numbers have double precision, because the posture's cost is a millionth of
+    the tools'.
 
     Call order in an env step: `solve` and `step_alone`, then `step_alone`, alternately; at the end
     `finish`.
@@ -82,7 +99,12 @@ class PushedArms(ArmBatch):
 
     def __init__(self, arm: Arm, mounts: Sequence[Mount], grasp: str, action: str):
         """Prepares arms on mounts, with a grasp of `GRASPS` and one of `ACTION_SPACES`."""
-        super().__init__(arm, mounts, SIM_STEP, action, grasp)
+        tips = AttachGrasp.tip_clearance - GRASPS[grasp].tip_clearance
+        with jax.enable_x64(True):
+            kinematics = inverse_kinematics.kinematics_of(arm, tuple(mounts), tips)
+            super().__init__(arm, kinematics, ACTION_SPACES[action](arm, kinematics))
+        self._grasp, self._solids = grasp, hands.solids_of(arm, grasp)
+        self._shapes = clearance.shapes_of(*models.solid_model(arm, grasp))
         self.is_pad = self._solids.is_pad
         self.solve = jax.jit(jax.vmap(self._solved))
         self.step_alone = jax.jit(jax.vmap(self._alone, (0, 0, 0, 0, 0, None)))
@@ -143,6 +165,54 @@ class PushedArms(ArmBatch):
         fingers = state.positions[:, self._joints :]
         return later, found, Hands(points, velocities, fingers, before, solids, jacobians)
 
+    def _split(self, action: jax.Array) -> tuple[jax.Array, jax.Array]:
+        """Returns entries (n, k) of an action without grips, and which hands it closes (n,)."""
+        each = action.reshape(len(self.kinematics.base), -1)
+        return each[:, :-1], each[:, -1] > 0.0
+
+    def _gripped(self, state: ArmState, closed: jax.Array) -> ArmState:
+        """Returns the state with the fingers commanded for a sim step, as `Grasp.plan`."""
+        if self._grasp == "attach":
+            shut, opened = self._arm.finger_commands
+        else:
+            lowest, opened = self._arm.finger_range
+            shut = jnp.maximum(state.fingers - CLOSING_SPEED * SIM_STEP, lowest)
+        return state._replace(fingers=jnp.where(closed[:, None], shut, opened) * jnp.ones(2))
+
+    def _part(
+        self,
+        state: ArmState,
+        pose: Pose,
+        phase: jax.Array,
+        fixed: Mapping[str, contacts.Fixed],
+        touches: jax.Array,
+    ) -> tuple[ArmState, jax.Array, hands.SolidSteps]:
+        """Returns the state after a physics step, the arms' inertia, and the motion of solids.
+
+        Args:
+            state: state of the arms.
+            pose: their pose.
+            phase: sim steps from the last solution to the end of the physics step.
+            fixed: fixed solids by kind.
+            touches: which solids of hands touch them (n, k) bool.
+        """
+        arm, arms, command = self._dynamics, self.kinematics, self._commands(state, phase)
+
+        def step(pose, positions, speeds, command, base, yaw, touches):
+            met = None
+            if fixed:
+                place = base, yaw
+                met = contacts.contacts(arm.chain, self._shapes, fixed, pose, place, touches)
+            return dynamics.step(arm, pose, positions, speeds, command, contacts=met)
+
+        positions, speeds, inertia = jax.vmap(step)(
+            pose, state.positions, state.speeds, command, arms.base, arms.yaw, touches
+        )
+        solids = jax.vmap(functools.partial(hands.steps, arm, self._solids))(
+            pose, state.speeds, speeds, arms.base, arms.yaw
+        )
+        return state._replace(positions=positions, speeds=speeds), inertia, solids
+
     def _finished(self, state: ArmState, push: Push) -> tuple[ArmState, Ended]:
         """Applies the push of the last sim step of an env step."""
         state = _pushed(state, push)
@@ -165,3 +235,9 @@ def _pushed(state: ArmState, push: Push) -> ArmState:
         positions=state.positions + gained(1) - jnp.where(acts, missed, 0.0),
         speeds=state.speeds + gained(0) * (SUBSTEPS / SIM_STEP),
     )
+
+
+def kinds_of(arms: Arms) -> tuple[str, str]:
+    """Returns the names of grasp and action of arms."""
+    _, grasp, *action = arms.name.split("/")
+    return grasp, (*action, PositionAction.name)[0]

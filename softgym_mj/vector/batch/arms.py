@@ -18,9 +18,8 @@ from softgym_mj.robots.arm.joint_servos import SOLVE_EVERY
 from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.arm.mounts import Mount
 from softgym_mj.robots.arm_batch import models
-from softgym_mj.robots.arm_batch.arms import kinds_of
 from softgym_mj.robots.arm_batch.contacts import KNOWN, Fixed, read_fixed
-from softgym_mj.robots.arm_batch.pushed import Push, PushedArms
+from softgym_mj.robots.arm_batch.pushed import Push, PushedArms, kinds_of
 from softgym_mj.robots.arm_batch.sharing import device_like, put, shared
 from softgym_mj.robots.arm_batch.state import (
     control_state,
