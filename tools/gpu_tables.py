@@ -34,7 +34,7 @@ def rates() -> str:
     machine = found["machine"]
     return (
         f"{table(f'| task | one CPU core | {head} | GB of {numbers[-1]:,} |', rows)}\n\n"
-        f"{machine['gpu']}, PyTorch {machine['torch']}; compiling the kernels took once "
+        f"{machine['gpu']}, PyTorch {machine['torch']}; compiling the kernels took "
         f"{compiled:.0f} s. Core: {on_cores['machine']['processor']}."
     )
 

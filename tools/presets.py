@@ -48,6 +48,6 @@ def _minutes(rows: list[Row]) -> str:
     for row in rows:
         runs.setdefault((row.task, row.observation, row.replay), set()).add(row.seed)
     seeds = sorted({len(found) for found in runs.values()})
-    span = f"{times[0]:.0f}" if len(times) == 1 else f"{times[0]:.0f} to {times[-1]:.0f}"
+    span = " to ".join(dict.fromkeys(f"{time:.0f}" for time in (times[0], times[-1])))
     noun = "seed" if seeds == [1] else "seeds"
     return f"{span} ({' or '.join(map(str, seeds))} {noun})"

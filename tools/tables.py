@@ -108,7 +108,7 @@ def measured(name: str) -> dict:
 def on(machine: dict) -> str:
     """Machine of a measurement, with its reference rate."""
     rate = machine["humanoid_mj_steps_per_second"]
-    return f"{machine['processor']}; dm_control's humanoid makes {rate:,.0f} mj_steps/s on a core."
+    return f"Core: {machine['processor']}, {rate:,.0f} mj_steps/s of dm_control's humanoid."
 
 
 def materials() -> str:
