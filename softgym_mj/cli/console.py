@@ -33,7 +33,7 @@ Grasp = Annotated[
 ]
 Look = Annotated[
     str | None,
-    typer.Option(help=f"Look of images: {' or '.join(LOOKS)} (slower, for people)."),
+    typer.Option(help=f"Rendering quality: {' or '.join(LOOKS)} (slower, for videos)."),
 ]
 Trust = Annotated[
     bool,

@@ -40,7 +40,9 @@ def generate(
     jobs: Jobs = 1,
     ray: Ray = None,
     device: Device = "cpu",
-    fidelity: Annotated[str, typer.Option(help="Resolution of cloth and water.")] = "default",
+    fidelity: Annotated[
+        str, typer.Option(help="Resolution: fast, default or accurate.")
+    ] = "default",
 ) -> None:
     """Generates settled initial states in the cache. The same command continues a stopped one."""
     check_name("device", device, DEVICES)
@@ -85,7 +87,7 @@ def record(
         bool, typer.Option("--successful-only", help="Leave out episodes without success.")
     ] = False,
     idle: Annotated[
-        str, typer.Option(help="keep; drop ends episodes once the expert has finished.")
+        str, typer.Option(help="Steps after the expert has finished: keep or drop.")
     ] = "keep",
     noise: Annotated[
         float,

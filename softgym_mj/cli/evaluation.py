@@ -56,13 +56,18 @@ def evaluate(
         typer.Option(help=f"Number of variations from the split's first; default: {_EPISODES}."),
     ] = None,
     variations: Variations = None,
-    seeds: Annotated[int, typer.Option(help="Seeds 0.. of the policy.", min=1, max=1000)] = 1,
+    seeds: Annotated[
+        int, typer.Option(help="Number of seeds of the policy, from 0 on.", min=1, max=1000)
+    ] = 1,
     horizon: Annotated[
-        int | None, typer.Option(help="Planning horizon in env steps; default: the task's.")
+        int | None,
+        typer.Option(help="Planning horizon (cem, icem) in env steps; default: the task's."),
     ] = None,
     budget: Annotated[int, typer.Option(help="Simulated env steps per decision.")] = BUDGET,
-    iterations: Annotated[int, typer.Option(help="Iterations of a planner.")] = ITERATIONS,
-    replan_every: Annotated[int, typer.Option(help="Env steps between two plans.")] = 1,
+    iterations: Annotated[int, typer.Option(help="Planner iterations per decision.")] = ITERATIONS,
+    replan_every: Annotated[
+        int, typer.Option(help="Env steps between two decisions of a planner.")
+    ] = 1,
     task_settings: TaskSettings = "{}",
     jobs: Jobs = 1,
     ray: Ray = None,
@@ -105,7 +110,7 @@ def evaluate(
 def plot(
     results: Annotated[list[pathlib.Path], typer.Argument(help="result.json files or folders.")],
     x: Annotated[
-        str | None, typer.Option(help="Draw curves over horizon, budget or replan_every, not bars.")
+        str | None, typer.Option(help="Draw curves over horizon, budget or replan_every.")
     ] = None,
     out: Annotated[pathlib.Path, typer.Option(help="Picture to write.")] = pathlib.Path(
         "results.png"
@@ -114,7 +119,7 @@ def plot(
         pathlib.Path | None, typer.Option(help="Also write the table, with all numbers.")
     ] = None,
     markdown: Annotated[
-        bool, typer.Option("--markdown", help="Print means (and minima) for a page.")
+        bool, typer.Option("--markdown", help="Print a Markdown table of means (minima).")
     ] = False,
 ) -> None:
     """Draws the results of evaluations; prints them as a table."""

@@ -12,7 +12,8 @@ from softgym_mj.exceptions import StoreError
 from softgym_mj.storage.files import write_csv
 
 app = typer.Typer(
-    help="Prints, joins and scores trainings, next to published results.", no_args_is_help=True
+    help="Compares trainings with published results; joins and scores trainings.",
+    no_args_is_help=True,
 )
 Folders = Annotated[
     list[pathlib.Path] | None,

@@ -52,7 +52,7 @@ def lab(
         pathlib.Path | None, typer.Option(help="Folder for lab.csv and lab.json.")
     ] = None,
 ) -> None:
-    """Measures fabrics in simulated experiments with theoretical solutions; needs no data.
+    """Compares simulated tests of fabrics with theory; needs no recordings.
 
     The exit status is 1 if an error exceeds its bound.
     """
@@ -102,7 +102,7 @@ def rope(
     ] = None,
     out: Results = None,
 ) -> None:
-    """Predicts five seconds of recorded cables held by two robots; downloads nothing.
+    """Predicts five seconds of cables held by two robots, from downloaded recordings.
 
     Errors are mean absolute errors per coordinate, open loop.
     """
@@ -157,7 +157,7 @@ def cloth(
     ] = None,
     out: Results = None,
 ) -> None:
-    """Predicts a recorded cloth from the motion of the tool that holds it; downloads nothing.
+    """Predicts a cloth from the motion of the tool that holds it, from downloaded recordings.
 
     Errors are mean distances of tracked nodes in every fourth recording, open loop.
     """
@@ -227,7 +227,7 @@ def water(
     ] = None,
     out: Results = None,
 ) -> None:
-    """Simulates recorded dam breaks and sloshing tanks; downloads nothing.
+    """Compares dam breaks and sloshing tanks with downloaded recordings.
 
     The exit status is 1 if an error of simulated water exceeds its bound.
     """
