@@ -4,10 +4,8 @@ import functools
 from typing import Any
 
 import jax
-import mujoco
 import numpy as np
 
-from softgym_mj.batch.solver import NOT_FINITE
 from softgym_mj.cloth.batch_solver import SolidMotion, describe
 from softgym_mj.entities.flex import GRIPPER_CONTACT
 from softgym_mj.exceptions import cpu_only
@@ -15,64 +13,43 @@ from softgym_mj.metrics import Array, constant
 from softgym_mj.robots.arm import bodies
 from softgym_mj.robots.arm.arms import Arms
 from softgym_mj.robots.arm.joint_servos import SOLVE_EVERY
-from softgym_mj.robots.arm.models import Arm
-from softgym_mj.robots.arm.mounts import Mount
 from softgym_mj.robots.arm_batch import models
 from softgym_mj.robots.arm_batch.contacts import KNOWN, Fixed, read_fixed
 from softgym_mj.robots.arm_batch.pushed import Push, PushedArms, kinds_of
-from softgym_mj.robots.arm_batch.sharing import device_like, put, shared
+from softgym_mj.robots.arm_batch.sharing import put
 from softgym_mj.robots.arm_batch.state import (
-    control_state,
-    joint_state,
     joint_views,
     packed,
-    read_state,
-    unpacked,
 )
-from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.grip import NONE
 from softgym_mj.tasks.shared.base import Task
 from softgym_mj.vector.batch.arm_grips import AttachGrips, FrictionGrips, HandGrips
 from softgym_mj.vector.batch.cloth import ClothBatch
+from softgym_mj.vector.batch.jax_arms import JaxArms
 from softgym_mj.vector.batch.physics import Arrays
 
 # State of grips in `Arms.get_state`.
 GRIPS = "center", "held", "offset", "dropped", "yielded", "order", "solid", "workspace"
 
 
-def check_steps(task: Task) -> None:
-    """Raises `InvalidArgumentError` if arms in batches do not support the steps of a task."""
-    if task.physics_timestep != SIM_STEP:
-        raise cpu_only(f"timestep={task.physics_timestep}")
-    if task.action_repeat % SOLVE_EVERY:
-        raise cpu_only(f"action_repeat={task.action_repeat} (odd) with arms")
-
-
-@functools.lru_cache(maxsize=4)
-def _arms_of(arm: Arm, mounts: tuple[Mount, ...], grasp: str, action: str) -> PushedArms:
-    """Returns arms whose functions are compiled once for all batches of a process."""
-    return PushedArms(arm, mounts, grasp, action)
-
-
-class ArmClothBatch(ClothBatch):
+class ArmClothBatch(JaxArms, ClothBatch):
     """Batch physics of one flex that arms hold and push.
 
     Sim steps of the arms, by JAX, alternate with those of the flex. State of the arms: "arms", with
     the arrays of `read_state` and those of `Ended`.
     """
 
-    is_interleaved = True
     _actor: Arms
 
     def _check(self, task: Task) -> None:
         if not isinstance(task.actor, Arms):
             raise cpu_only(f"actor={task.actor.name!r}")
-        check_steps(task)
+        self._check_steps(task)
 
     @functools.cached_property
     def _arms(self) -> PushedArms:
-        with jax.default_device(self._jax_device):
-            return _arms_of(self._actor.arm, self._actor.mounts, *kinds_of(self._actor))
+        own = self._actor
+        return self._compiled(PushedArms, own.arm, own.mounts, *kinds_of(own))
 
     def _unmet(self) -> list[str]:
         model = self._env.physics.model.ptr
@@ -114,7 +91,6 @@ class ArmClothBatch(ClothBatch):
         # Fixed solids touch always, and do not move.
         self._moved["touching"] = self._device.put(np.ones((num_envs, solids), bool))
         self._actions = zeros((num_envs, self._actor.action_size), "float64")
-        self._count = 0  # Sim steps in this env step.
         kind = AttachGrips if self._attaches else FrictionGrips
         return kind(self.state, xp, self._hands, self._actor.arm)
 
@@ -149,21 +125,16 @@ class ArmClothBatch(ClothBatch):
         return described
 
     def _actor_state(self) -> dict[str, Any]:
-        actor, data = self._actor, self._env.physics.data.ptr
-        state, own = actor.get_state(), self.movers()
-        mujoco.mj_kinematics(self._env.physics.model.ptr, data)
-        arms = {
-            **read_state(actor),
-            "sensed": actor.proprioception(),
-            "at_reach": np.array(actor.at_reach),
-            "remembered": actor.remembered()[4 * actor.num_grippers :],
-            "poses": np.concatenate([data.xpos[own], data.xquat[own]], axis=1),
-        }
+        actor, state = self._actor, self._actor.get_state()
+        arms = self._read(actor, self.movers())
+        arms["at_reach"] = np.array(actor.at_reach)
+        arms["remembered"] = arms["remembered"][4 * actor.num_grippers :]
         grips = {name: state[name] for name in GRIPS if name in state}
         if not self._static:
             return {**grips, "arms": arms}
         hand = self._geoms[: len(self._geoms) // actor.num_grippers]
-        fixed = read_fixed(self._env.physics.model.ptr, data, hand, self._static)
+        physics = self._env.physics
+        fixed = read_fixed(physics.model.ptr, physics.data.ptr, hand, self._static)
         return {**grips, "arms": arms, "fixed": fixed}
 
     def _actor_arrays(self) -> Arrays:
@@ -203,22 +174,15 @@ class ArmClothBatch(ClothBatch):
             self._sense(self._hands["points"])
         # JAX and PyTorch queue work separately and wait for each other where arrays are shared.
         # The last results may be overwritten only now that such a wait has been queued.
-        self._results: Any = hands, told, push
+        self._results = hands, told, push
         self._count += 1
 
     def finish(self) -> None:
         with jax.enable_x64(True):
             state, ended = self._arms.finish(self._now, self._pushed())
-        put(self.state["arms"], {**unpacked(state), **ended._asdict()})
-        self._results, self._count = (state, ended), 0
+        self._end(state, ended)
         points = self.state["arms"]["sensed"][:, : 3 * self._actor.num_grippers]
         self._sense(points.reshape((len(points), -1, 3)))
-        unknown = ~self._xp.isfinite(self.state["arms"]["sensed"]).all(-1)
-        self.flags[...] = self.flags | self._xp.astype(unknown, self.flags.dtype) * NOT_FINITE
-
-    @functools.cached_property
-    def _jax_device(self) -> jax.Device:
-        return device_like(self._actions)
 
     @functools.cached_property
     def _no_push(self) -> Push:
@@ -229,10 +193,6 @@ class ArmClothBatch(ClothBatch):
         impulses = self._solver.solid_impulses[:, self._hand_solids]
         lead = len(impulses), self._actor.num_grippers, -1
         return self._push._replace(impulses=self._shared(impulses.reshape((*lead, 2, 6))))
-
-    def _shared(self, arrays: Any) -> Any:
-        """Returns arrays of JAX in place of arrays of this batch."""
-        return shared(arrays, self._jax_device)
 
     def _sense(self, tools: Array) -> None:
         """Ends a sim step with tool points (num_envs, n, 3) [m]."""
@@ -263,9 +223,6 @@ class ArmClothBatch(ClothBatch):
 
     # ------------------------------------------------------------------ what is seen
 
-    def _sensed(self) -> Array:
-        return self._xp.asarray(self.state["arms"]["sensed"], copy=True)
-
     def _remembered(self) -> Array:
         own = self.state["arms"]["remembered"]
         return self._xp.concat([super()._remembered(), own], axis=-1)
@@ -280,10 +237,9 @@ class ArmClothBatch(ClothBatch):
 
     def get_state(self, i: int) -> tuple[Arrays, Arrays]:
         get, state = self._device.get, self.state
-        own = {name: get(array[i]) for name, array in state["arms"].items()}
+        joints, control = self._arms_of(i)
         grips = {name: get(state[name][i]) for name in GRIPS if name in state}
-        whole = {**self._solver.get_state(i), **joint_state(own)}
-        return whole, {**grips, **control_state(packed(own))}
+        return {**self._solver.get_state(i), **joints}, {**grips, **control}
 
 
 def _own(name: str) -> str:

@@ -4,43 +4,29 @@ import functools
 from typing import Any
 
 import jax
-import mujoco
 import numpy as np
 
 from softgym_mj.batch.device import Device
-from softgym_mj.batch.solver import NOT_FINITE
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import cpu_only
 from softgym_mj.metrics import Array
 from softgym_mj.robots.arm.cup_arm import CupArm
 from softgym_mj.robots.arm.joint_servos import SOLVE_EVERY
-from softgym_mj.robots.arm.models import Arm
-from softgym_mj.robots.arm.mounts import Mount
 from softgym_mj.robots.arm_batch import models
 from softgym_mj.robots.arm_batch.cups import CupArms, Load, read_load
-from softgym_mj.robots.arm_batch.sharing import device_like, put, shared
+from softgym_mj.robots.arm_batch.sharing import put
 from softgym_mj.robots.arm_batch.state import (
-    control_state,
-    joint_state,
     joint_views,
     packed,
-    read_state,
-    unpacked,
 )
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.tasks.shared.base import Task
-from softgym_mj.vector.batch.arms import check_steps
 from softgym_mj.vector.batch.fluid import POSITION_AND_QUATERNION, FluidBatch
+from softgym_mj.vector.batch.jax_arms import JaxArms
 from softgym_mj.vector.batch.physics import Arrays
 
 
-@functools.lru_cache(maxsize=4)
-def _arms_of(arm: Arm, mount: Mount) -> CupArms:
-    """Returns arms whose functions are compiled once for all batches of a process."""
-    return CupArms(arm, mount)
-
-
-class CupArmBatch(FluidBatch):
+class CupArmBatch(JaxArms, FluidBatch):
     """Batch physics of water in cups, with the moving cup in the hand of an arm.
 
     Sim steps of the arms, by JAX, alternate with those of the water, whose forces act in the next
@@ -48,7 +34,6 @@ class CupArmBatch(FluidBatch):
     `Ended`, and "load", with those of `Load`.
     """
 
-    is_interleaved = True
     _pushes = True
     _mover: CupArm
 
@@ -62,35 +47,22 @@ class CupArmBatch(FluidBatch):
         )
         self._allowed = zeros((num_envs,), "bool")
         self._mobility = zeros((num_envs, len(self._cups), 2), "float64")
-        self._count = 0  # Sim steps in this env step.
 
     def _check(self, task: Task) -> None:
         if not isinstance(task.actor, CupArm):
             raise cpu_only(f"actor={task.actor.name!r} with water")
-        check_steps(task)
+        self._check_steps(task)
 
     @functools.cached_property
     def _arms(self) -> CupArms:
-        with jax.default_device(self._jax_device):
-            return _arms_of(self._mover.arm, self._mover.mount)
-
-    @functools.cached_property
-    def _jax_device(self) -> jax.Device:
-        return device_like(self._goal)
+        return self._compiled(CupArms, self._mover.arm, self._mover.mount)
 
     # ------------------------------------------------------------------ the environment
 
     def _actor_state(self) -> dict[str, Any]:
-        actor, physics = self._mover, self._env.physics
-        state, own = actor.get_state(), self._links()
-        mujoco.mj_kinematics(physics.model.ptr, physics.data.ptr)
-        arms = {
-            **read_state(actor),
-            "sensed": actor.proprioception(),
-            "remembered": actor.remembered(),
-            "poses": np.concatenate([physics.data.xpos[own], physics.data.xquat[own]], axis=1),
-        }
-        load = read_load(actor, physics.model.ptr)
+        actor, state = self._mover, self._mover.get_state()
+        arms = self._read(actor, self._links())
+        load = read_load(actor, self._env.physics.model.ptr)
         return {**{name: state[name] for name in ("way", "rejected")}, "arms": arms, "load": load}
 
     def arrays(self) -> Arrays:
@@ -129,9 +101,9 @@ class CupArmBatch(FluidBatch):
         state["rejected"][...] += xp.astype(~self._allowed, state["rejected"].dtype)
         with jax.enable_x64(True):
             if self._count == 0:
-                self._now = packed(shared(state["arms"], self._jax_device))
-                self._load = Load(**shared(state["load"], self._jax_device))
-            told = shared((self._goal, state["forces"]), self._jax_device)
+                self._now = packed(self._shared(state["arms"]))
+                self._load = Load(**self._shared(state["load"]))
+            told = self._shared((self._goal, state["forces"]))
             if phase == 0:
                 self._now = arms.solve(self._now, told[0])
             self._now, held = arms.step(self._now, self._load, *told, phase)
@@ -149,15 +121,9 @@ class CupArmBatch(FluidBatch):
     def finish(self) -> None:
         with jax.enable_x64(True):
             ended = self._arms.finish(self._now)
-        put(self.state["arms"], {**unpacked(self._now), **ended._asdict()})
-        self._results, self._count = (self._now, ended), 0
-        unknown = ~self._xp.isfinite(self.state["arms"]["sensed"]).all(-1)
-        self.flags[...] = self.flags | self._xp.astype(unknown, self.flags.dtype) * NOT_FINITE
+        self._end(self._now, ended)
 
     # ------------------------------------------------------------------ what is seen
-
-    def _sensed(self) -> Array:
-        return self._xp.asarray(self.state["arms"]["sensed"], copy=True)
 
     def _remembered(self) -> Array:
         return self._xp.asarray(self.state["arms"]["remembered"], copy=True)
@@ -170,5 +136,5 @@ class CupArmBatch(FluidBatch):
 
     def get_state(self, i: int) -> tuple[Arrays, Arrays]:
         state, actor = super().get_state(i)
-        own = {name: self._device.get(array[i]) for name, array in self.state["arms"].items()}
-        return {**state, **joint_state(own)}, {**actor, **control_state(packed(own))}
+        joints, control = self._arms_of(i)
+        return {**state, **joints}, {**actor, **control}
