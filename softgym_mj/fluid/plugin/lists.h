@@ -58,6 +58,7 @@ bool FindNeighbors(const Particles& particles, const Grid& grid, float distance,
   const int most = out.most;
   const Lanes limit(distance * distance);
   int* const begin = out.begin;
+  uint8_t hits[kChunk / kLanes];
   int length = 0, cell = 0;
   for (int cz = 0; cz < grid.nz; ++cz) {
     for (int cy = 0; cy < grid.ny; ++cy) {
@@ -72,13 +73,19 @@ bool FindNeighbors(const Particles& particles, const Grid& grid, float distance,
           begin[i] = length;
           const Lanes x(p.x[i]), y(p.y[i]), z(p.z[i]);
           int *const list = out.index + length, *const full = list + most, *end = list;
-          for (int k = 0; k < candidates && end <= full;) {
-            for (const int stop = k + kChunk < candidates ? k + kChunk : candidates; k < stop; k += kLanes) {
-              const Lanes dx = x - Lanes::Load(near.x + k), dy = y - Lanes::Load(near.y + k),
-                          dz = z - Lanes::Load(near.z + k);
-              const Compression hits(Bits(Less(dx * dx + dy * dy + dz * dz, limit) & Differ(near.index + k, i)));
-              hits.Store(near.index + k, end);
-              end += hits.count;
+          for (int k = 0; k < candidates && end <= full; k += kChunk) {
+            // All tests precede the first write: one loop for both takes a third longer.
+            const int stop = k + kChunk < candidates ? k + kChunk : candidates;
+            for (int n = k; n < stop; n += kLanes) {
+              const Lanes dx = x - Lanes::Load(near.x + n), dy = y - Lanes::Load(near.y + n),
+                          dz = z - Lanes::Load(near.z + n);
+              const Mask hit = Less(dx * dx + dy * dy + dz * dz, limit) & Differ(near.index + n, i);
+              hits[(n - k) / kLanes] = static_cast<uint8_t>(Bits(hit));
+            }
+            for (int n = k; n < stop; n += kLanes) {
+              const Compression chosen(hits[(n - k) / kLanes]);
+              chosen.Store(near.index + n, end);
+              end += chosen.count;
             }
           }
           if (end > full) {
