@@ -10,7 +10,11 @@ from softgym_mj.validation import typed
 @typed
 @dataclasses.dataclass(frozen=True)
 class Workspace:
-    """Axis-aligned box [m] that contains the bodies, not just the centers, of grippers."""
+    """Axis-aligned box [m] that contains the bodies, not just the centers, of grippers.
+
+    Fingers of hands keep a clearance from the floor at Z = 0; it is reduced by the depth of a box
+    that extends below the floor, at most to that of grasps by friction.
+    """
 
     low: tuple[float, float, float]
     high: tuple[float, float, float]

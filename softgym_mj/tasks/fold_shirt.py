@@ -1,15 +1,17 @@
 """The task FoldShirt: sleeves in, then the hem over to the shoulders, beyond SoftGym."""
 
+import dataclasses
 from collections.abc import Mapping
 from typing import Unpack
 
 import numpy as np
 
 from softgym_mj import metrics
-from softgym_mj.entities.shirt import KEYS, Shirt
+from softgym_mj.entities.fabric import THICKNESS
+from softgym_mj.entities.shirt import FABRIC, KEYS, Shirt
 from softgym_mj.exceptions import check_name
 from softgym_mj.metrics import Array, Measures
-from softgym_mj.robots.workspace import Workspace
+from softgym_mj.robots.workspace import ToolStart, Workspace
 from softgym_mj.tasks.shared.base import Task
 from softgym_mj.tasks.shared.entries import Entries, points
 from softgym_mj.tasks.shared.settings import ClothTaskSettings
@@ -17,6 +19,8 @@ from softgym_mj.tasks.shared.starts.shirts import CUTS, FlatShirt
 from softgym_mj.tasks.shared.state import Episode, State
 from softgym_mj.tasks.shared.symmetry import two_sided
 
+# [m] Depth by which hands come nearer to the floor than in other tasks, because layers are thinner.
+LOWER = (THICKNESS - FABRIC.thickness) / 2.0
 STACK = 0.1  # [m] Height up to which a vertex may lie over its place: loose stacks have 9 cm.
 
 
@@ -71,6 +75,13 @@ class FoldShirt(Task):
     @property
     def snapshot_key(self) -> dict[str, object]:
         return {**super().snapshot_key, "cuts": self._cuts}
+
+    def tool_start(self, points: dict[str, np.ndarray]) -> ToolStart:
+        start = super().tool_start(points)
+        if self.actor.least_distance == 0.0:  # Pickers have no fingers.
+            return start
+        (x, y, z), high = start.workspace.low, start.workspace.high
+        return dataclasses.replace(start, workspace=Workspace((x, y, z - LOWER), high))
 
     def goal(self, variation: int, points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Returns the place of each vertex of the folded shirt "places" (n, 2) [m]."""

@@ -15,7 +15,7 @@ DECIDED = {
     "drop_fold_cloth": (0, "e53e97f1d388281c"),
     "fold_cloth": (0, "376067788543c0a7"),
     "fold_crumpled_cloth": (0, "613176afd6ba9367"),
-    "fold_shirt": (0, "7f7e539635179116"),
+    "fold_shirt": (0, "a1f951227f74f297"),
     "hang_cloth": (0, "28ba81fbb875bdfa"),
     "pour_water": (0, "1c2027b8689698a7"),
     "pour_water_amount": (0, "38a0debf6ff4f1bd"),

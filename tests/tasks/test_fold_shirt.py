@@ -10,7 +10,8 @@ from softgym_mj.entities.shirt import KEYS, Cut, Shirt
 from softgym_mj.exceptions import InvalidArgumentError, SnapshotError
 from softgym_mj.learning.symmetries import symmetries
 from softgym_mj.policies.factory import make_policy
-from softgym_mj.tasks.fold_shirt import STACK, FoldShirt, folded, with_sleeves_in
+from softgym_mj.robots.arm.grasps import AttachGrasp, FrictionGrasp
+from softgym_mj.tasks.fold_shirt import LOWER, STACK, FoldShirt, folded, with_sleeves_in
 from softgym_mj.tasks.shared.observations import STATES
 from softgym_mj.tasks.shared.starts.shirts import CUTS, FlatShirt
 from softgym_mj.variations.indices import SPLITS
@@ -169,3 +170,25 @@ def test_arms_fold_a_shirt():
     env = play(SHORT, actor="franka", fidelity="fast")
     assert env.info()["normalized_performance"] > 0.6
     assert env.info()["picks_held"] == 0
+
+
+def lowest(task, **settings):
+    """Height [m] of the lowest point that grippers can be sent to."""
+    env = softgym_mj.load(task, split="all", fidelity="fast", **settings)
+    env.reset(0)
+    return env.task.actor.limits[0][2]
+
+
+def test_hands_come_as_near_to_a_shirt_as_to_a_thicker_cloth():
+    assert pytest.approx((0.01 - 0.003) / 2.0) == LOWER
+    pads, attached = 0.01875, AttachGrasp.tip_clearance  # [m] Of a UR5e.
+    assert lowest("fold_cloth", actor="ur5e") == pads + attached
+    assert lowest("fold_shirt", actor="ur5e") == pytest.approx(pads + attached - LOWER, abs=1e-12)
+    # Grasps by friction are as low as they can be, and pickers have no fingers.
+    friction = pads + FrictionGrasp.tip_clearance
+    assert lowest("fold_shirt", actor="ur5e", grasp="friction") == friction
+    assert lowest("fold_shirt") == lowest("fold_cloth")
+
+
+def test_the_longest_pads_catch_a_lower_layer():
+    assert play(SHORT, actor="ur5e").info()["normalized_performance"] > 0.5

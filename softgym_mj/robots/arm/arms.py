@@ -13,7 +13,13 @@ from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.robots.arm import bodies as arm_bodies
 from softgym_mj.robots.arm.action import ArmAction
 from softgym_mj.robots.arm.actor import ArmActor
-from softgym_mj.robots.arm.grasps import GRASPS, PICK_DISTANCE, AttachGrasp, Grasp
+from softgym_mj.robots.arm.grasps import (
+    GRASPS,
+    PICK_DISTANCE,
+    AttachGrasp,
+    FrictionGrasp,
+    Grasp,
+)
 from softgym_mj.robots.arm.joint_action import JointAction
 from softgym_mj.robots.arm.joint_servos import JointServos
 from softgym_mj.robots.arm.models import ARMS, Arm
@@ -147,7 +153,10 @@ class Arms(ArmActor, Gripper):
     def _set_workspace(self, workspace: Workspace):
         super()._set_workspace(workspace)
         self._low, self._high = np.array(workspace.low), np.array(workspace.high)
-        self._low[2] = max(self._low[2], self.arm.pad_reach + self._holding.tip_clearance)
+        clearance = self._holding.tip_clearance
+        if workspace.low[2] < 0.0:
+            clearance = max(clearance + workspace.low[2], FrictionGrasp.tip_clearance)
+        self._low[2] = max(self._low[2], self.arm.pad_reach + clearance)
 
     def take(self, vertices: Sequence[int]) -> None:
         for i, (vertex, tool) in enumerate(zip(vertices, self.positions(), strict=True)):
