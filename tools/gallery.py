@@ -1,4 +1,4 @@
-"""The pictures of docs/gallery: SoftGym's tasks with every kind of actor, drawn for people.
+"""The pictures of docs/gallery: SoftGym's tasks with every kind of actor.
 
 `python -m tools.gallery` (`make gallery`) writes them; some minutes without a GPU. Names of tasks:
 only theirs.
