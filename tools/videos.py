@@ -26,6 +26,7 @@ PASSES = 16  # Number of images averaged: soft shadows, smooth edges.
 QUALITY = 80  # WebP quality, 0..100: below, soft shadows are blocky.
 COLUMNS, FRAMES, FRAME = 6, 100, 80  # Columns, images and their duration [ms] of `tasks`.
 LABEL = 15  # Height of the names in it [pixels].
+ANGLE = 35.0  # Vertical field of view of the camera "overview" [deg].
 HOLD = 1200  # Duration of the last image [ms].
 STILL = 0.3  # Mean difference of two images without motion [of 255].
 REST = 6  # Images kept after the last motion.
@@ -118,6 +119,8 @@ def main(names: Sequence[str]) -> None:
         variation = VARIATIONS.get(name, env.task.example_variation)
         # Learned policies fling the rope beyond the task's camera.
         camera = "overview" if learned and name.startswith("straighten_rope") else "task"
+        if camera == "overview":
+            env.physics.model.ptr.camera(camera).fovy = ANGLE
         episode = play(
             env, policy, variation, trust=learned, camera=camera, size=SIZE, passes=PASSES
         )
