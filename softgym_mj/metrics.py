@@ -15,6 +15,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from softgym_mj.batch import measures
+from softgym_mj.native.arithmetic import interpolate
 
 Array = Any  # Array of NumPy or PyTorch.
 
@@ -149,8 +150,7 @@ def _covered_area(vertices: np.ndarray, triangles: np.ndarray, lines: int) -> fl
     last = np.ceil((y[:, 2] - bottom) / pitch - 0.5).astype(int)
     counts = np.maximum(last - first, 0)
     triangle = np.repeat(np.arange(len(counts)), counts)
-    starts = np.cumsum(counts) - counts
-    line = np.arange(len(triangle)) - starts[triangle] + first[triangle]
+    line = np.arange(len(triangle)) - (np.cumsum(counts) - counts)[triangle] + first[triangle]
     level = bottom + (line + 0.5) * pitch
     # Each line crosses the long edge (0-2) and one of the short ones (0-1 below, 1-2 above).
     x, y = x[triangle], y[triangle]
@@ -194,8 +194,9 @@ def particles(shape: Mapping[str, Array], points: Array) -> Array:
         points: (..., n, 3) positions of its vertices [m].
     """
     xp = namespace(points)
-    grid = shape["grid"]
-    sheet = taken(points, flat(grid)).reshape((*grid.shape, 3))
+    sheet = taken(points, flat(shape["grid"])).reshape((*shape["grid"].shape, 3))
+    if isinstance(points, np.ndarray) and points.ndim == 2:  # Six times as fast as sums.
+        return interpolate(shape["by_row"], interpolate(shape["by_column"], sheet, 1), 0)
     across = xp.einsum("...ic,...rck->...rik", shape["by_column"], sheet)
     return xp.einsum("...jr,...rik->...jik", shape["by_row"], across)
 
@@ -292,8 +293,7 @@ def matched_distance(points: Array, goal: Array) -> Array:
     Pairs minimize the total distance (linear assignment; Jonker and Volgenant, 1987).
     """
     apart = lengths(points[..., :, None, :] - goal[..., None, :, :])
-    number, leading = points.shape[-2], points.shape[:-2]
-    matrices = apart.reshape((math.prod(leading), number, number))
+    matrices, leading = apart.reshape((-1, *apart.shape[-2:])), apart.shape[:-2]
     if array_api_compat.is_torch_array(points):
         return measures.matched_distances(matrices.double()).reshape(leading)
     found = [np.mean(matrix[linear_sum_assignment(matrix)]) for matrix in matrices]
