@@ -33,7 +33,9 @@ STALE = {
 _TITLES = {"teacher_student": "teacher and student", "distill": "distillation"}
 _KINDS = "policy on states", "on images + proprioception", "on images alone", "CEM"
 _SEEDS = 5  # Number of seeds of a row, unless the overview names another.
-_COLORS = 10  # Length of Matplotlib's color cycle; further lines are dotted.
+# Colors of methods with their observations: Matplotlib's cycle, with black for its gray.
+_COLORS = *(f"C{k}" for k in range(10) if k != 7), "black"
+_STYLES = "-", ":", "--", "-."  # Line styles of the curves of a method and observation in a panel.
 _DASHES = "--", "-.", (0, (1, 4))  # Line styles of published numbers of others in a panel.
 _LOWEST = -0.5  # Lower end of the axis: worse policies would squeeze the others.
 
@@ -65,7 +67,7 @@ def results() -> str:
             (f"{line['seeds']}", f"{line['episodes']}"),
             (f"{line['env_steps']:,}", f"{line['updates']:,}"),
         )
-        cells = (f"{above}<br>{below}" if below else above for above, below in pairs)
+        cells = (f"{above or '-'}<br>{below or '-'}" for above, below in pairs)
         lines.append(_row(f"`{line['task']}`", *cells, _optional(line["minutes"], ".0f")))
     titles = (
         "| task | method<br>observation | preset<br>replay | median (quartiles)<br>IQM (95 %) "
@@ -77,8 +79,10 @@ def results() -> str:
         caption = "Curves on held-out variations: medians and quartiles over seeds"
         found += f"\n\n![{caption}](results/{FIGURE.name})\n\n{caption}. "
         found += (
-            "Env steps of `distill` do not include those of its teacher. `teacher_student` jumps "
-            "where its teacher ends: the student, which is scored, learns from then on only."
+            "Gray lines (others): scores that [other work](#other-work) published. The axis ends "
+            f"at {_LOWEST}. Env steps of `distill` do not include those of its teacher. "
+            "`teacher_student` jumps where its teacher ends: the student, which is scored, learns "
+            "from then on only."
         )
     return found
 
@@ -223,18 +227,24 @@ def draw(found: Sequence[Row], known: Sequence[Reference], file: pathlib.Path) -
     write_whole(file, content.getvalue())
 
 
+def _color_key(name: Name) -> tuple[str, str]:
+    """Returns what has one color in all panels: the method and its observation."""
+    return name.method, name.observation.removesuffix("+held")
+
+
 def _panel(
     axes: Any, task: str, own: Mapping[Name, np.ndarray], known: Sequence[Reference]
 ) -> None:
     """The curves of a task, and numbers of others for the same methods and observations."""
     shown = {name: points for name, points in own.items() if name.task == task}
+    keys = sorted({_color_key(name) for name in own})
     for name, points in shown.items():
         steps, median, low, high = points.T
-        same = [other for other in shown if other[1:3] == name[1:3]]
+        same = [other for other in shown if _color_key(other) == _color_key(name)]
         label = ", ".join(name[1:] if len(same) > 1 else name[1:3])
-        style = "-" if len(axes.lines) < _COLORS else ":"
-        (line,) = axes.plot(steps / 1000, median, style, label=label)
-        color = line.get_color()
+        style = _STYLES[same.index(name) % len(_STYLES)]
+        color = _COLORS[keys.index(_color_key(name)) % len(_COLORS)]
+        axes.plot(steps / 1000, median, style, color=color, label=label)
         axes.fill_between(steps / 1000, low, high, color=color, alpha=0.2, linewidth=0)
     comparable = {name[:3] for name in shown}
     compared = (r for r in known if (r.task, r.method, r.observation) in comparable)
