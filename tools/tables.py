@@ -86,10 +86,11 @@ def horizons(results: list[dict]) -> str:
     """The planning horizons compared."""
     rows = []
     for r in sorted(results, key=lambda r: (r["task"], r["planning"]["horizon"])):
-        score = f"{r['summary']['mean']:.2f} ({r['summary']['min']:.2f})"
+        low, high = r["summary"]["percentile_25"], r["summary"]["percentile_75"]
+        score = f"{r['summary']['median']:.2f} ({low:.2f} to {high:.2f})"
         steps = planned_env_steps(r)
         rows.append(f"| `{r['task']}` | {r['planning']['horizon']} | {score} | {steps} |")
-    return table("| task | planning horizon | mean (smallest) | env steps of an episode |", rows)
+    return table("| task | planning horizon | median (quartiles) | env steps of an episode |", rows)
 
 
 def read(ablations: bool) -> list[dict]:

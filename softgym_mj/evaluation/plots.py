@@ -14,6 +14,7 @@ from softgym_mj.storage.files import write_whole
 
 AXES = ("horizon", "budget", "replan_every")
 _LOWEST = -0.5  # Lower end of the axis; worse policies would compress the others.
+_MARGIN = 0.05  # Between the highest score and the upper end of the axis.
 _PICTURE, _TITLE = 2.4, 0.3  # Heights of a picture of `show` and of its title [inches].
 _BAR, _INCHES, _DPI = 0.8, 0.8, 150  # Height of a group of bars; inches of a task; dots per inch.
 
@@ -62,17 +63,22 @@ def bars(results: Sequence[Mapping], file: pathlib.Path) -> None:
     tasks = list(dict.fromkeys(result["task"] for result in results))
     figure = new_figure(6.4, 1.0 + _INCHES * len(tasks))
     axes = figure.subplots()
-    height = _BAR / len(groups)
+    height, highest = _BAR / len(groups), 1.0
     for i, group in enumerate(groups):
         own = {r["task"]: r for r, name in zip(results, names, strict=True) if name == group}
-        places = [tasks.index(task) + (i - (len(groups) - 1) / 2) * height for task in own]
+        offset = (i - (len(groups) - 1) / 2) * height
+        places = [tasks.index(task) + offset for task in own]
         numbers = np.array([_quartiles(result) for result in own.values()])
         whiskers = np.abs(numbers[:, 1:].T - numbers[:, 0])
         axes.barh(places, numbers[:, 0], height, xerr=whiskers, label=group, capsize=2)
-        for place, median in zip(places, numbers[:, 0], strict=True):
-            if median < _LOWEST:  # The bar leaves the axes, so its value is written at its end.
-                axes.text(_LOWEST, place, f"  {median:.1f}", va="center", fontsize="small")
-    axes.set_xlim(left=max(axes.get_xlim()[0], _LOWEST))
+        highest = max(highest, numbers.max())
+        for place, (median, _, high) in zip(places, numbers, strict=True):
+            if median < _LOWEST:  # The bar leaves the axes, so its value is written beside zero.
+                _note(axes, max(0.0, high), place, f"{median:.1f}")
+        for j, task in enumerate(tasks):
+            if task not in own:
+                _note(axes, 0.0, j + offset, "no result")
+    axes.set_xlim(max(axes.get_xlim()[0], _LOWEST), highest + _MARGIN)
     axes.set_yticks(range(len(tasks)), tasks)
     axes.invert_yaxis()
     axes.axvline(1.0, color="0.6", linewidth=0.8, linestyle=":")
@@ -102,6 +108,11 @@ def curves(results: Sequence[Mapping], axis: str, file: pathlib.Path) -> None:
     axes.set_ylabel(_score(results), fontsize="small")
     axes.legend(fontsize="small", frameon=False)
     _save(figure, file)
+
+
+def _note(axes: Any, x: float, y: float, text: str) -> None:
+    """Writes a text to the right of a point."""
+    axes.text(x, y, f" {text}", va="center", fontsize="x-small", color="0.3")
 
 
 def _quartiles(result: Mapping) -> tuple[float, float, float]:
