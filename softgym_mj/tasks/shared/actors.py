@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from typing import Any
 
-from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
+from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name, choices
 from softgym_mj.robots.base import Actor
 from softgym_mj.robots.cup_mover import CupTool
-from softgym_mj.robots.factory import make_actor
+from softgym_mj.robots.factory import CUP_ACTORS, GRIPPERS, make_actor
 
 MOST_REPEATED = 1000  # [sim steps] Longest env step: 10 s.
 
@@ -28,6 +28,9 @@ def make(
     if isinstance(actor, Actor):
         return actor
     name = task_class.actors[0] if actor is None else actor
+    if name in (*GRIPPERS, *CUP_ACTORS) and name not in task_class.actors:
+        others = choices(name, task_class.actors)
+        raise InvalidArgumentError(f"{task_class.__name__} has no actor={name!r}{others}")
     check_name("actor", name, task_class.actors)
     if tool is not None:
         return make_actor(name, tool, **settings)

@@ -18,6 +18,8 @@ from softgym_mj.rendering.observables import (
     fixed_observables,
 )
 from softgym_mj.rendering.offscreen import LARGEST_IMAGE
+from softgym_mj.robots.arm.models import ARMS
+from softgym_mj.robots.gripper import HELD
 from softgym_mj.tasks.shared.entries import values
 from softgym_mj.tasks.shared.state import Episode, State
 
@@ -121,6 +123,12 @@ TAKEN = (
     WRIST_RGB,
 )  # Images to which the sensor parameters of a domain apply.
 GOAL_RGB = "goal_rgb"  # "rgb" with the goal reached, for tasks that can render it.
+# Requirements of the observations that some actors or tasks lack.
+_NEEDS = {
+    WRIST_RGB: f"an arm: actor={', '.join(map(repr, ARMS))}",
+    HELD: "grippers, which tasks with cloth or rope have",
+    GOAL_RGB: "a task that renders its goal, such as rope_configuration",
+}
 _SHOW_GOAL = {"full", "reduced", "markov", GOAL_RGB}  # These show the goal without marks in images.
 DEFAULT_IMAGE_SIZE = (128, 128)  # (height, width), as in the paper's experiments.
 
@@ -140,6 +148,8 @@ def enabled_names(observation: str | Sequence[str], available: Iterable[str]) ->
     if not isinstance(names, Sequence):
         raise InvalidArgumentError("observation", observation, available)
     names = tuple(names)
+    for name in sorted(_NEEDS.keys() & {*names} - {*available}):
+        raise InvalidArgumentError(f"observation={observation!r}: {name!r} needs {_NEEDS[name]}")
     if not names or len(set(names)) != len(names) or not set(names) <= set(available):
         raise InvalidArgumentError("observation", observation, available)
     return names
