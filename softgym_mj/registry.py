@@ -137,11 +137,11 @@ def _unpacked(parameter: inspect.Parameter) -> type:
         InvalidArgumentError: if the parameter is not annotated with one.
     """
     if typing.get_origin(parameter.annotation) is not typing.Unpack:
-        valid = (
-            "keyword arguments with names: annotate it with a TypedDict, for example "
-            f"**{parameter.name}: Unpack[softgym_mj.tasks.TaskSettings]"
+        raise InvalidArgumentError(
+            f"task_class does not name the arguments of **{parameter.name}: write "
+            f"`**{parameter.name}: Unpack[TaskSettings]`, with `from typing import Unpack` and "
+            "`from softgym_mj.tasks import TaskSettings`"
         )
-        raise InvalidArgumentError("task_class", f"...(**{parameter.name})", valid)
     return typing.get_args(parameter.annotation)[0]
 
 
@@ -203,6 +203,9 @@ def register(
 
     if not (isinstance(task_class, type) and issubclass(task_class, Task)):
         raise InvalidArgumentError("task_class", task_class, "a subclass of softgym_mj.tasks.Task")
+    if task_class.__abstractmethods__:
+        missing = ", ".join(sorted(task_class.__abstractmethods__))
+        raise InvalidArgumentError(f"task_class={task_class!r} lacks the methods: {missing}")
     for argument, value in (("horizon", horizon), ("action_repeat", action_repeat)):
         if value is not None:
             check_count(argument, value, 1)
@@ -273,6 +276,10 @@ def find(task: str | TaskRecord) -> TaskRecord:
     if isinstance(task, TaskRecord):
         return task
     if not isinstance(task, str) or ":" not in task:
+        if isinstance(task, str) and task not in TASKS:
+            shipped = [record for record in TASKS.values() if not record.is_custom]
+            if new := {r.resolve().softgym_name: r.name for r in shipped}.get(task):
+                raise InvalidArgumentError(f"task={task!r} is SoftGym's name of the task {new!r}")
         check_name("task", task, (*TASKS, "MODULE:NAME"))
         return TASKS[task]
     module, name = task.split(":", 1)
@@ -280,12 +287,11 @@ def find(task: str | TaskRecord) -> TaskRecord:
         imported = importlib.import_module(module)
     except Exception as error:  # The module may raise anything.
         raise InvalidArgumentError(
-            f"task={task!r}: {module!r} cannot be imported: {type(error).__name__}: {error}; "
-            f"`python -c 'import {module}'` has to work"
+            f"task={task!r}: {module!r} cannot be imported: {type(error).__name__}: "
+            f"{str(error).rstrip('.')}; `python -c 'import {module}'` has to work"
         ) from error
     if name not in TASKS:
-        own = [f"{module}:{key}" for key, record in TASKS.items() if record.is_custom]
-        if own:
+        if own := [f"{module}:{key}" for key, record in TASKS.items() if record.is_custom]:
             raise InvalidArgumentError("task", task, own)
         raise InvalidArgumentError(
             f"task={task!r}: {imported!r} registers no task when it is imported; call "

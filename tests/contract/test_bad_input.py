@@ -70,7 +70,9 @@ BAD_SETTINGS = [
     (ROPE, {"image_size": ("64", "64")}, "image_size=('64', '64')"),
     (ROPE, {"random_state": "a"}, "random_state='a'", "0..4294967295"),
     (ROPE, {"random_state": 2**32}, "random_state=4294967296", "0..4294967295"),
-    ("RopeFlatten", {}, "task='RopeFlatten'", "'straighten_rope'", "'spread_cloth'"),
+    ("RopeFlatten", {}, "task='RopeFlatten' is SoftGym's name of the task 'straighten_rope'"),
+    ("ClothFoldDrop", {}, "task='ClothFoldDrop' is SoftGym's name of the task 'drop_fold_cloth'"),
+    ("rope", {}, "task='rope' is unknown", "'straighten_rope'", "'spread_cloth'"),
     (None, {}, "task=None", "'straighten_rope'"),
     (["spread_cloth"], {}, "task=['spread_cloth']", "'straighten_rope'"),
 ]

@@ -129,6 +129,7 @@ def test_workers_find_the_module(folder, monkeypatch):
     [
         ("", "own_missing:pull", "ModuleNotFoundError: .*'own_missing'"),
         ("1 / 0", "own_broken:pull", "ZeroDivisionError.*import own_broken"),
+        ("import softgym_mj as s; s.register('A', 0)", "own_broken:pull", "'soak_cloth'; `python"),
         ("", "own_broken:pull", "own_broken.py'> registers no task.*__main__"),
         ("import own_tasks", "own_broken:pul", "'own_broken:own_pull', 'own_br"),
         ("", "own_pull", "'route_cable', 'MODULE:NAME'"),

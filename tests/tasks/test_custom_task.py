@@ -246,13 +246,18 @@ class Nameless(Straight):
         super().__init__(**settings)
 
 
+class Unmeasured(Task):
+    """A task without the method `measure`."""
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (("Straight", Straight), "name='Straight'.*lower-case words"),
         (("spread_cloth", Straight), "name='spread_cloth'.*none of the package's: drop_cloth"),
         (("straight", "Straight"), "task_class='Straight'.*a subclass"),
-        (("straight", Nameless), r"Unpack\[.*TaskSettings\]"),
+        (("straight", Nameless), r"write `\*\*settings: Unpack\[TaskSettings\]`"),
+        (("straight", Unmeasured), r"task_class=.*Unmeasured'> lacks the methods: measure$"),
     ],
 )
 def test_what_cannot_be_registered(arguments, message):
