@@ -160,6 +160,9 @@ def import_extra(module: str, name: str, extra: str) -> Any:
         UnavailableError: if it is missing; the message has the command that installs it.
     """
     try:
-        return importlib.import_module(module)
+        imported = importlib.import_module(module)
+        if getattr(imported, "__file__", "") is None:
+            raise ImportError(f"{module} is a folder without __init__.py: {[*imported.__path__]}")
     except ImportError as error:
         raise UnavailableError(f"{name} is missing: {install_extra(extra)}") from error
+    return imported

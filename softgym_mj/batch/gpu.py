@@ -192,7 +192,9 @@ class CudaDevice(Device):
                 f"environments on a GPU need PyTorch ({error}): {install_extra('gpu')}"
             ) from error
         if not torch.cuda.is_available():
-            raise UnavailableError("there is no CUDA device that PyTorch can use")
+            raise UnavailableError(
+                "there is no CUDA device that PyTorch can use; device='cpu' and 'host' need none"
+            )
         self._torch, self.xp, self.xp_device = torch, xp, torch.device("cuda", 0)
         self._graphs: dict[str, tuple[Any, Any, Any]] = {}  # Keys, graphs, results.
 

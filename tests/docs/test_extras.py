@@ -34,5 +34,12 @@ def test_a_missing_module_names_the_command():
         import_extra("no_such_module_here", "Plots", "plot")
 
 
+def test_a_folder_of_the_same_name_is_no_module(tmp_path, monkeypatch):
+    (tmp_path / "only_a_folder_here").mkdir()
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(UnavailableError, match=r"^Plots is missing: run `pip"):
+        import_extra("only_a_folder_here", "Plots", "plot")
+
+
 def test_plots_need_matplotlib_alone():
     assert [re.match(r"[\w-]+", package)[0] for package in EXTRAS["plot"]] == ["matplotlib"]
