@@ -97,7 +97,7 @@ def policy_file(name: str) -> str:
     return name
 
 
-def given(**options: str | None) -> dict[str, Any]:
+def given(**options: str | int | None) -> dict[str, Any]:
     """Returns the options that are not None, as arguments of a task."""
     return {name: value for name, value in options.items() if value is not None}
 
@@ -143,9 +143,11 @@ def chosen_variations(
     if named is not None:
         from softgym_mj.evaluation import indices
 
-        if split is not None or episodes is not None:
-            raise InvalidArgumentError("variations", named, "alone, without --split and --episodes")
-        return indices.parsed("variations", named)
+        parsed = indices.parsed("variations", named)
+        if others := given(split=split, episodes=episodes):
+            options = " and ".join(f"--{name}" for name in others)
+            raise InvalidArgumentError(f"--variations cannot be combined with {options}")
+        return parsed
     number = default[1] if episodes is None else episodes
     return evaluation_variations(number, default[0] if split is None else split)
 

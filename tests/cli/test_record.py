@@ -112,8 +112,9 @@ def test_formats_by_the_command_line(capsys, monkeypatch):
     [
         ("record straighten_rope --episodes 0", r"episodes=0 .*1\.\.800"),
         ("record straighten_rope --variations 999-1000", r"variations='999-1000' .*0\.\.999"),
-        ("record straighten_rope --variation 3 --episodes 1", r"variations='3' .*without --split"),
-        ("rollout straighten_rope --variation 3 --split all", r"variations='3' .*without --split"),
+        ("record straighten_rope --variation 3 --episodes 1", "--variations .* with --episodes$"),
+        ("rollout straighten_rope --variation 3 --split all", "--variations .* with --split$"),
+        ("rollout straighten_rope --variation 1200 --episodes 1", r"variations='1200' .*0\.\.999"),
         ("record straighten_rope --split every", "split='every'"),
         ("record straighten_rope --task-settings [1]", "task_settings='.1.' .*a JSON object"),
         ("""record straighten_rope --task-settings '{"seed": 1}'""", "task_settings=.*not 'seed'"),
