@@ -10,6 +10,7 @@ import rich.progress
 import typer
 
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.policies.exported import FILES
 from softgym_mj.registry import TASKS, TaskRecord
 from softgym_mj.rendering.look import LOOKS, PAPER
 from softgym_mj.variations.indices import evaluation_variations
@@ -92,7 +93,7 @@ def policy_file(name: str) -> str:
     if file.is_file():
         return str(file)
     if re.fullmatch(rf"({'|'.join(TASKS)})-\w+", name) and not file.parent.is_dir():
-        valid = f"FILE.pt2, or this name in the folder of a clone, which has {file.parent}"
+        valid = f"FILE.pt2, or this name in the folder of a clone, which has {file.parent}; {FILES}"
         raise InvalidArgumentError("policy", name, valid)
     return name
 

@@ -16,7 +16,7 @@ import gymnasium
 import numpy as np
 
 from softgym_mj.envs.environment import Environment
-from softgym_mj.exceptions import InvalidArgumentError, import_extra
+from softgym_mj.exceptions import InvalidArgumentError, StoreError, import_extra
 from softgym_mj.robots.gripper import HELD
 from softgym_mj.storage.files import read_whole
 from softgym_mj.tasks.shared.observations import STATES
@@ -25,6 +25,8 @@ Policy = Callable[[dm_env.TimeStep], np.ndarray]
 
 SUFFIX = ".pt2"
 NOTE = "softgym_mj.json"
+# Where to download published policies.
+FILES = "the documentation has published policies as files (Results, Policies)"
 
 
 def export_policy(
@@ -100,9 +102,17 @@ def _note(name: str) -> dict[str, Any]:
     return {"observation": seen, **sized, "frames": frames, "task": result.get("task")}
 
 
+def read_policy(file: str) -> bytes:
+    """Returns the content of a policy's file; `StoreError` if it cannot be read."""
+    try:
+        return read_whole(file)
+    except StoreError as error:
+        raise StoreError(f"{error}; {FILES}") from error
+
+
 def load_exported(file: str, env: Environment, trust: bool) -> Policy:
     """Returns the policy of a file, with the arguments of `make_policy`."""
-    content = read_whole(file)
+    content = read_policy(file)
     if not zipfile.is_zipfile(io.BytesIO(content)):
         raise InvalidArgumentError(
             f"policy={file!r} is not what torch.export.save(torch.export.export(module, "

@@ -12,7 +12,7 @@ from typing import Any
 
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError, SoftGymError
-from softgym_mj.policies.exported import SUFFIX, Policy, load_exported
+from softgym_mj.policies.exported import SUFFIX, Policy, load_exported, read_policy
 from softgym_mj.storage.files import read_whole
 
 SEED = "{seed}"  # Placeholder in file names of policies that were trained with several seeds.
@@ -49,7 +49,7 @@ def sha256(name: str, seed: int) -> dict[str, str]:
     """
     if name.endswith(SUFFIX):
         name = name.replace(SEED, str(seed))
-        return {name: hashlib.sha256(read_whole(name)).hexdigest()}
+        return {name: hashlib.sha256(read_policy(name)).hexdigest()}
     _function(name)
     source = getattr(importlib.import_module(name.split(":", 1)[0]), "__file__", None)
     if source is None:

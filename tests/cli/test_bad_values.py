@@ -42,7 +42,7 @@ WORDS = {
     "teacher": ["teacher='none.pt2'"], "trust": ["--trust"], "no teacher": ["--teacher"],
     "observations": ["observation=", "sac takes one"],
     "architecture": ["architecture='3'", "'90'"], "markup of a task": ["[/b]"],
-    "published outside of a clone": ["policy='straighten_rope-sac'", "clone"],
+    "published outside of a clone": ["policy='straighten_rope-sac'", "Results"],
     "more episodes than variations": ["episodes=900", "1..800"],
     "markup of a number": ["--episodes"], "markup of a folder": ["[/b]"],
 }  # fmt: skip
