@@ -30,8 +30,9 @@ COPIES = ["CITATION.cff"]  # Files that pages link to and that are copied as the
 # Factors of pages in the site's search, by the start of their names: guides come first. A match in
 # a title counts 1,000 times as much as in the text.
 SEARCH_BOOSTS = {
-    "reference/": 1e-4, "changelog.md": 1e-4, "contributing.md": 5e-4, "tasks/": 1e-3,
-    "architecture.md": 1e-2, "softgym.md": 5e-2, "notebooks/": 0.1,
+    "reference/": 1e-4, "changelog.md": 1e-4, "contributing.md": 5e-4, "tasks/": 2e-2,
+    "architecture.md": 1e-2, "softgym.md": 2e-3, "notebooks/": 0.1, "migration.md": 0.1,
+    "interface.md": 3.0, "robots.md": 3.0,
 }  # fmt: skip
 _LINK = re.compile(r"(\]\()(?!https?:|#)([^)#\s]+)")
 
