@@ -47,7 +47,7 @@ def export_policy(
         frames: Number of stacked frames.
         task: Name of the task, for messages.
     """
-    torch = import_extra("torch", "PyTorch", "rl")
+    torch = import_extra("torch", "PyTorch", "learning")
     is_dict = len(spaces) > 1 or frames > 1
     examples = {
         name: torch.zeros(
@@ -123,7 +123,7 @@ def load_exported(file: str, env: Environment, trust: bool) -> Policy:
             f"policy={file!r} is not loaded: loading can run any code on this machine with your "
             "rights; pass trust=True (command line: --trust) if you trust its author"
         )
-    torch = import_extra("torch", "PyTorch", "rl")
+    torch = import_extra("torch", "PyTorch", "learning")
     try:
         program = torch.export.load(io.BytesIO(content))
         module = program.module()
