@@ -9,6 +9,7 @@ import numpy as np
 import rich.box
 import rich.table
 import typer
+from PIL import Image, ImageDraw, ImageFont
 
 import softgym_mj
 from softgym_mj.cli.console import (
@@ -100,7 +101,7 @@ def demo(
                 f"{name}: normalized performance {score:.3f}; "
                 f"wrote {file} and {file.with_suffix('.png')}"
             )
-    _write_sheet([strips[name] for name in softgym_mj.TASKS], out / "tasks.png")
+    _write_sheet([_labeled(strips[name], name) for name in softgym_mj.TASKS], out / "tasks.png")
     console.print(f"wrote {out / 'tasks.png'}")
 
 
@@ -173,6 +174,16 @@ def _write(episode: Episode, file: pathlib.Path) -> None:
     """Writes the video, and its last picture as a PNG file next to it."""
     episode.video.write(file)
     write_picture(episode.frames[-1], file.with_suffix(".png"))
+
+
+def _labeled(strip: np.ndarray, name: str) -> np.ndarray:
+    """Returns a strip with a name in its upper left corner."""
+    picture, size = Image.fromarray(strip), len(strip) // 12
+    ImageDraw.Draw(picture).text(
+        (size // 3, size // 3), name, "black", ImageFont.load_default(size),
+        stroke_width=size // 10, stroke_fill="white",
+    )  # fmt: skip
+    return np.asarray(picture)
 
 
 def _write_sheet(strips: list[np.ndarray], file: pathlib.Path) -> None:

@@ -1,7 +1,8 @@
-"""`softgym-mj list`, for people and for programs."""
+"""`softgym-mj list`, for people and for programs; names in the sheet of `demo`."""
 
 import io
 
+import numpy as np
 import pytest
 import rich.console
 from typer.testing import CliRunner
@@ -39,3 +40,9 @@ def test_a_program_reads_a_line_for_each_task():
         assert columns == {
             "suite": record.suite, "name": record.name, "gymnasium_id": record.gymnasium_id
         }  # fmt: skip
+
+
+def test_the_demo_labels_strips_in_their_upper_left_corner():
+    strip = np.full((96, 288, 3), 128, np.uint8)
+    rows, columns, _ = np.nonzero(playing._labeled(strip, "fold_cloth") != strip)
+    assert len(rows) > 100 and rows.max() < 24 and columns.max() < 96
