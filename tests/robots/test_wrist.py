@@ -92,7 +92,7 @@ def test_gymnasium_renders_and_observes_wrists():
 
 @pytest.mark.parametrize(("task", "actor"), [("pour_water", "cup"), ("fold_cloth", "picker")])
 def test_actors_without_hands_have_no_wrists(task, actor):
-    with pytest.raises(InvalidArgumentError, match=r"observation='wrist_rgb'.*'proprioception'"):
+    with pytest.raises(InvalidArgumentError, match=r"'wrist_rgb' needs an arm: .*'ur5e'"):
         make(f"{task}/{actor}", observation=WRIST_RGB)
     (env := make(f"{task}/{actor}")).reset(800)
     with pytest.raises(InvalidArgumentError, match=r"camera='wrist_0'.*'task', 'overview'"):
