@@ -1,7 +1,7 @@
 """The task HangCloth: a towel over a bar, beyond SoftGym."""
 
 from collections.abc import Mapping
-from typing import Unpack
+from typing import NamedTuple, Unpack
 
 import numpy as np
 
@@ -115,13 +115,14 @@ class HangCloth(Task):
     def goal(self, variation: int, points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Returns X, Z and radius "bar" (3,) of the bar, and `passage` "start" () [m]."""
         bar = np.array([BAR_X, *self.bar(variation)])
-        return {"bar": bar, "start": passage(self.cloth.arrays, points["cloth"], bar)}
+        return {"bar": bar, "start": passage(across(self.cloth.arrays, points["cloth"], bar), bar)}
 
     def measure(self, state: State, episode: Episode) -> Measures:
-        shape, points = episode.shapes["cloth"], state.points["cloth"]
-        near, far = hanging(shape, points, episode.goal["bar"])
+        points, bar = state.points["cloth"], episode.goal["bar"]
+        particles = across(episode.shapes["cloth"], points, bar)
+        near, far = hanging(particles, bar)
         performance = 2.0 * metrics.namespace(points).minimum(near, far)
-        away = passage(shape, points, episode.goal["bar"]) / episode.goal["start"]
+        away = passage(particles, bar) / episode.goal["start"]
         info = {"hanging_near": near, "hanging_far": far}
         return guided("hanging", performance, 1.0 - abs(away), info)
 
@@ -131,18 +132,45 @@ class HangCloth(Task):
         return {**entries.corners(state, episode), "top of the bar": entries.point(top, "goal")}
 
 
-def hanging(shape: Mapping[str, Array], points: Array, bar: Array) -> tuple[Array, Array]:
+class Across(NamedTuple):
+    """Particles of a cloth in a plane across a bar.
+
+    Attributes:
+        aside: X (..., n) from the bar [m].
+        height: Z (..., n) [m].
+        counts: weights (..., n).
+    """
+
+    aside: Array
+    height: Array
+    counts: Array
+
+
+def across(shape: Mapping[str, Array], points: Array, bar: Array) -> Across:
+    """Returns the particles of a cloth.
+
+    Args:
+        shape, points: as in `metrics.particles`.
+        bar: as in `hanging`.
+    """
+    sheet = metrics.particles(shape, points)
+    counts = metrics.flat(shape["rows"][..., :, None] * shape["columns"][..., None, :])
+    aside = metrics.flat(sheet[..., 0]) - bar[..., 0, None]
+    return Across(aside, metrics.flat(sheet[..., 2]), counts)
+
+
+def hanging(particles: Across, bar: Array) -> tuple[Array, Array]:
     """Returns the shares (...) of a cloth that hang on the sides of a bar along Y: -X and +X.
 
     A particle hangs if it is clear of the floor and not above the bar; on top of the bar it counts
     half on each side. Both shares are 0 unless a particle lies on the bar.
 
     Args:
-        shape, points: as in `metrics.particles`.
+        particles: of the cloth.
         bar: (..., 3) X, Z and radius [m].
     """
-    aside, height, counts = _across(shape, points, bar)
-    z, radius, xp = bar[..., 1, None], bar[..., 2, None], metrics.namespace(points)
+    aside, height, counts = particles
+    z, radius, xp = bar[..., 1, None], bar[..., 2, None], metrics.namespace(height)
     top = z + radius + MARGIN
     lies = (xp.abs(aside) < radius) & (height > z) & (height < top) & (counts > 0.0)
     lies = xp.astype(xp.any(lies, axis=-1), xp.float64)
@@ -152,7 +180,7 @@ def hanging(shape: Mapping[str, Array], points: Array, bar: Array) -> tuple[Arra
     return lies * near, lies * far
 
 
-def passage(shape: Mapping[str, Array], points: Array, bar: Array) -> Array:
+def passage(particles: Across, bar: Array) -> Array:
     """Returns how far (...) [m] a cloth has passed over a bar: 0 if it lies evenly on it.
 
     It is the mean distance of the particles from the top of the bar, in a plane across the bar.
@@ -160,18 +188,11 @@ def passage(shape: Mapping[str, Array], points: Array, bar: Array) -> Array:
     cloth that passes over it; all others are negative.
 
     Args:
-        shape, points, bar: as in `hanging`.
+        particles, bar: as in `hanging`.
     """
-    aside, height, counts = _across(shape, points, bar)
-    z, radius, xp = bar[..., 1, None], bar[..., 2, None], metrics.namespace(points)
+    aside, height, counts = particles
+    z, radius, xp = bar[..., 1, None], bar[..., 2, None], metrics.namespace(height)
     over = (xp.abs(aside) < radius) & (height > z) & (counts > 0.0)
     beyond = (aside > 0.0) & xp.any(over, axis=-1)[..., None]
     distances = xp.sqrt(aside**2 + (height - z - radius) ** 2)
     return metrics.mean(xp.where(beyond, distances, -distances), counts)
-
-
-def _across(shape: Mapping[str, Array], points: Array, bar: Array) -> tuple[Array, Array, Array]:
-    """Returns X from the bar, Z [m] and weights (..., n) of a cloth's particles."""
-    sheet = metrics.particles(shape, points)
-    counts = metrics.flat(shape["rows"][..., :, None] * shape["columns"][..., None, :])
-    return metrics.flat(sheet[..., 0]) - bar[..., 0, None], metrics.flat(sheet[..., 2]), counts

@@ -9,7 +9,16 @@ import softgym_mj
 from softgym_mj.entities.cloth import PARTICLE_SPACING
 from softgym_mj.exceptions import InvalidArgumentError, SnapshotError
 from softgym_mj.policies.factory import make_policy
-from softgym_mj.tasks.hang_cloth import BAR_X, BARS, CLEAR, FRICTION, RESTING, HangCloth, passage
+from softgym_mj.tasks.hang_cloth import (
+    BAR_X,
+    BARS,
+    CLEAR,
+    FRICTION,
+    RESTING,
+    HangCloth,
+    across,
+    passage,
+)
 from softgym_mj.variations.indices import SPLITS
 
 HALF = 0.005  # [m] Half the thickness of cloth.
@@ -55,7 +64,8 @@ def test_an_evenly_hanging_cloth_scores_the_upper_bound(env):
 def passed(env, points):
     """Mean signed distance [m] of the cloth with its vertices at points (n, 3) [m] from the bar."""
     task = env.task
-    return passage(task.cloth.arrays, points, task.episode.goal["bar"])
+    bar = task.episode.goal["bar"]
+    return passage(across(task.cloth.arrays, points, bar), bar)
 
 
 def test_the_passage_is_the_mean_signed_distance_from_the_top_of_the_bar(env):
@@ -78,7 +88,7 @@ def test_the_passage_is_the_mean_signed_distance_from_the_top_of_the_bar(env):
     ):
         along, height = np.array(places * 2).T
         points = np.column_stack([x + along, np.repeat([-1.0, 1.0], columns), z + radius + height])
-        assert passage(shape, points, bar) == pytest.approx(expected, abs=1e-12)
+        assert passage(across(shape, points, bar), bar) == pytest.approx(expected, abs=1e-12)
     for share in (0.2, 0.5, 0.65):
         # Distances grow evenly on both sides; chords of the bar are up to 1 cm shorter than arcs.
         expected = (2.0 * share - 1.0) * env.task.cloth.size[0] / 2.0
