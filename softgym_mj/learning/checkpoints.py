@@ -83,12 +83,9 @@ def refused(folder: pathlib.Path, reason: str) -> StoreError:
     return StoreError(f"{message}; delete it {advice}")
 
 
-def as_longer(owner: Mapping[str, Any], env_steps: int) -> Mapping[str, Any]:
-    """Returns the settings of a checkpoint, extended to a training of more env steps."""
-    training = owner["training"]
-    if training.get("env_steps", env_steps) >= env_steps:
-        return owner
-    return {**owner, "training": {**training, "env_steps": env_steps}}
+def with_env_steps(owner: Mapping[str, Any], env_steps: int) -> Mapping[str, Any]:
+    """Returns the settings of a checkpoint with other env steps of the whole training."""
+    return {**owner, "training": {**owner["training"], "env_steps": env_steps}}
 
 
 def differences(saved: Mapping[str, Any], own: Mapping[str, Any]) -> str:

@@ -18,11 +18,11 @@ from torch import Tensor
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.learning.checkpoints import (
     alone,
-    as_longer,
     differences,
     moved,
     read_checkpoint,
     refused,
+    with_env_steps,
     write_checkpoint,
 )
 from softgym_mj.learning.curves import (
@@ -93,7 +93,8 @@ class Training(TrainingSetup):
         is_last = self.done == self.settings.parts
         if self._step or self.env_steps not in self.evaluations():
             return
-        if not any(row["env_steps"] == self.env_steps for row in self.rows):
+        rows = [row for row in self.rows if row["env_steps"] == self.env_steps]
+        if not rows or (is_last and not rows[0]["final"]):
             self._evaluate(final=is_last)
             self._keep()
 
@@ -134,6 +135,7 @@ class Training(TrainingSetup):
         settings = self.settings
         chosen = evaluated(settings.final_episodes if final else settings.episodes)
         is_symmetric = getattr(self.method.settings, "symmetric", False)
+        self.rows = [row for row in self.rows if row["env_steps"] != self.env_steps]
         scores = self.play([index for each in chosen.values() for index in each])
         for split, indices in chosen.items():
             first = len(chosen["train"]) if split == "evaluate" else 0
@@ -195,8 +197,8 @@ class Training(TrainingSetup):
         state = read_checkpoint(self.folder)
         if state is None:
             return
-        longer = as_longer(state["owner"], self.settings.env_steps)
-        if result := differences(longer, self._owner()):
+        owner = with_env_steps(state["owner"], self.settings.env_steps)
+        if result := differences(owner, self._owner()):
             raise StoreError(
                 f"{self.folder} has a training of other settings ({result}): choose another folder"
             )
@@ -204,11 +206,15 @@ class Training(TrainingSetup):
         try:
             self.learner.set_state(state["learner"])
             self.rows, self.done = state["rows"], state["done"]
-            if longer is not state["owner"]:  # The former end becomes a point of the curve, if any.
+            if owner != state["owner"]:  # The former end becomes a point of the curve, if any.
                 points = {*self.evaluations()}
                 self.rows = [row | {"final": 0} for row in self.rows if row["env_steps"] in points]
             self._step, self._memory = part["steps"], moved(part["memory"], device)
             self._actions = list(part["actions"].to(device)) if "actions" in part else []
         except (RuntimeError, LookupError, TypeError, ValueError, AttributeError) as error:
             raise refused(self.folder, str(error)) from error
+        if self.env_steps > self.settings.env_steps:
+            least = -(-self.env_steps // self.settings.part) * self.settings.part
+            valid = f"{least} or more, because {self.folder} has {self.env_steps} env steps"
+            raise InvalidArgumentError("env_steps", self.settings.env_steps, valid)
         self._before = state["seconds"]

@@ -248,9 +248,26 @@ def test_a_training_that_has_ended_goes_on_to_more_env_steps(whole, tmp_path, no
     assert _without_seconds(longer.rows) == _without_seconds(whole.rows)
     for own, expected in zip(_weights(longer), _weights(whole), strict=True):
         assert torch.equal(own, expected)
-    shorter = _training(tmp_path, settings=dataclasses.replace(SETTINGS, env_steps=16))
-    with pytest.raises(StoreError, match="env_steps"):
-        shorter.run()
+
+
+def test_a_training_becomes_a_shorter_one_that_it_has_not_passed(tmp_path, no_policies):
+    """Killed after the second of four parts, then of three; two are fewer than it has then."""
+
+    def kill(training, news):
+        if training.done == 2:
+            raise _Killed
+
+    with pytest.raises(_Killed):
+        _training(tmp_path / "killed").run(kill)
+    settings = dataclasses.replace(SETTINGS, env_steps=24)
+    shorter, expected = (_training(tmp_path / name, settings=settings) for name in ("killed", "24"))
+    for training in (shorter, expected):
+        training.run()
+    assert _without_seconds(shorter.rows) == _without_seconds(expected.rows)
+    assert all(map(torch.equal, _weights(shorter), _weights(expected)))
+    passed = _training(tmp_path / "killed", settings=dataclasses.replace(SETTINGS, env_steps=16))
+    with pytest.raises(InvalidArgumentError, match=r"env_steps=16 .* 24 or more, .* has 24 env"):
+        passed.run()
 
 
 def test_points_are_told_within_parts_with_scores_of_explored_episodes(tmp_path, no_policies):
