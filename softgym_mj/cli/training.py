@@ -3,6 +3,8 @@
 import dataclasses
 import json
 import pathlib
+import time
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
 import typer
@@ -22,6 +24,7 @@ from softgym_mj.exceptions import (
     UnavailableError,
     check_count,
     check_name,
+    check_number,
     import_extra,
 )
 from softgym_mj.parallel.executors import make_executor
@@ -83,6 +86,13 @@ def train(
         int, typer.Option(help="Processes, one seed each; 1: all seeds in one process.", min=1)
     ] = 1,
     ray: Ray = None,
+    minutes: Annotated[
+        float | None,
+        typer.Option(
+            help="Time limit: learning stops early enough for the final evaluation; the same "
+            "command continues later."
+        ),
+    ] = None,
     log: Annotated[str, typer.Option(help="none, tensorboard or wandb.")] = "none",
     show_settings: Annotated[
         bool,
@@ -95,17 +105,22 @@ def train(
     ),
 ) -> None:
     """Trains a policy. The same command continues a training that was stopped."""
+    start = time.monotonic()
     import_extra("torch", "PyTorch", "learning")
     from softgym_mj.learning import logs, reports
     from softgym_mj.learning.registry import find_preset, preset_names
     from softgym_mj.learning.setup import check_settings
     from softgym_mj.learning.spreading import train_each
+    from softgym_mj.learning.time_limits import TimeLimit
     from softgym_mj.learning.training import Training
 
     check_name("device", device, DEVICES)
     check_name("learner_device", learner_device, (None, "cpu", "cuda"))
     check_count("seeds", seeds, 1, 100)
     check_count("first_seed", first_seed, 0, 1000)
+    limit = TimeLimit()
+    if minutes is not None:
+        limit = TimeLimit(start + 60.0 * _checked_minutes(minutes, jobs == 1 and ray is None))
     chosen_seeds = range(first_seed, first_seed + seeds)
     chosen: dict[str, Any] = parsed_settings(settings, "settings")
     if observation is not None:
@@ -129,7 +144,7 @@ def train(
             reports.line(
                 f"{method} {training.task}: creating {training.num_envs * seeds} environments"
             )
-            run = Training(training, result, chosen_seeds, out, device, learner_device)
+            run = Training(training, result, chosen_seeds, out, device, learner_device, limit)
             tell = logs.make_log(log, run.folder)
             with reports.repeated(lambda: reports.progress(run), reports.LINE_SECONDS):
                 run.run(tell, reports.start, logs.POINTS)
@@ -144,13 +159,31 @@ def train(
     except KeyboardInterrupt:
         message = f"{out} keeps its last checkpoint: the same command continues from it"
         raise KeyboardInterrupt(message) from None
+    _print_scores(rows, training.env_steps)
+    console.print(f"wrote {out / 'curve.csv'}")
+
+
+def _checked_minutes(minutes: float, in_one_process: bool) -> float:
+    """Returns the minutes of a time limit, at which all seeds end after the same env steps."""
+    check_number("minutes", minutes, gt=0.0)
+    if not in_one_process:
+        valid = "no value with jobs or ray, whose seeds would end after different env steps"
+        raise InvalidArgumentError("minutes", minutes, valid)
+    return minutes
+
+
+def _print_scores(rows: Sequence[Mapping[str, Any]], env_steps: int) -> None:
+    """Prints the final rows of a curve, and whether a time limit has ended the training."""
     for row in rows:
         if row["final"]:
             console.print(
                 f"seed {row['seed']}, {row['split']}, {row['episodes']} episodes: "
                 f"{row['normalized_performance']:.3f}, success {row['success']:.2f}"
             )
-    console.print(f"wrote {out / 'curve.csv'}")
+    if (done := rows[-1]["env_steps"]) < env_steps:
+        console.print(
+            f"ended after {done:,} of {env_steps:,} env steps: the same command continues"
+        )
 
 
 def _check_gpu(method: str, task: str, preset: str) -> None:

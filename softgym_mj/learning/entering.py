@@ -127,8 +127,8 @@ def _bad_length(
     except InvalidArgumentError as error:
         yield str(error)
         return
-    if training.get("env_steps") != preset.env_steps or points[-1] > preset.env_steps:
-        yield f"env steps are {training.get('env_steps')}, and {preset.env_steps} in the preset"
+    for env_steps in {training.get("env_steps"), points[-1]} - {preset.env_steps}:
+        yield f"env steps are {env_steps}, and {preset.env_steps} in the preset"
 
 
 def _missing(rows: Sequence[Row], seeds: Sequence[int], points: Sequence[int]) -> Iterator[str]:

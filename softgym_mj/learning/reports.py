@@ -47,7 +47,7 @@ def summary(training: Training) -> str:
     words = [f"{training.phase}: {training.env_steps:,} of {total:,} env steps"]
     if training.env_steps:
         words.append(f"{rate * len(training.seeds):.0f}/s")
-    if 0 < training.env_steps < total:  # The estimate omits the final evaluation.
+    if 0 < training.env_steps < training.end:  # The estimate omits the final evaluation.
         words.append(f"{(total - training.env_steps) / rate / 60.0:.0f} min left")
     words.append(f"{training.learner.updates:,} updates")
     scores = [row for row in training.rows if row["split"] == "evaluate"][-len(training.seeds) :]

@@ -18,6 +18,7 @@ from softgym_mj.learning.players import Players
 from softgym_mj.learning.registry import METHODS, image_methods
 from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.symmetries import SYMMETRIC
+from softgym_mj.learning.time_limits import TimeLimit
 from softgym_mj.policies.exported import has_images
 from softgym_mj.registry import find
 
@@ -50,8 +51,10 @@ class TrainingSetup:
         folder: Folder of checkpoints and results.
         device: Device of the environments: "cpu", "host" or "cuda".
         learner_device: Device of the networks: "cpu" or "cuda"; None for that of the environments.
+        limit: Time limit.
         rows: Curve so far: entries by `curves.COLUMNS` of each evaluation, seed and split.
         done: Number of finished parts.
+        end: Env steps of each seed at the end: `settings.env_steps`, fewer at the time limit.
         learner: The learner.
         phase: "starts", "starts a part", "repeats a part", "learns", "evaluates" or "ended".
 
@@ -67,14 +70,17 @@ class TrainingSetup:
     folder: pathlib.Path
     device: str = "cpu"
     learner_device: str | None = None
+    limit: TimeLimit = dataclasses.field(default_factory=TimeLimit)
     rows: list[dict[str, Any]] = dataclasses.field(default_factory=list, init=False)
     done: int = dataclasses.field(default=0, init=False)
+    end: int = dataclasses.field(init=False)
     learner: Learner = dataclasses.field(init=False)
     phase: str = dataclasses.field(default="starts", init=False)
 
     def __post_init__(self):
         settings = self.settings
         check_settings(settings, self.method)
+        self.end = settings.env_steps
         self._begun, self._before = time.perf_counter(), 0.0  # Start; seconds of earlier sessions.
         # Vector steps of the part so far, their actions (seeds, num_envs, n), and the learner's
         # memory.
@@ -85,6 +91,8 @@ class TrainingSetup:
         number = settings.num_envs * len(self.seeds)
         left = {} if settings.learned_steps is None else {"horizon": settings.learned_steps}
         self._envs = self._make(number, autoreset_mode="SameStep", **left)
+        own_horizon = find(settings.task).horizon if left else self._envs.get_attr("horizon")[0]
+        self._horizon = settings.episode_steps or own_horizon  # Of evaluations.
         at = self.learner_device or own
         self._problem = problem_of(settings, self.method, self.seeds, self._envs, at)
         self._explorer = Explorer(self._problem, self._envs, self.device)
@@ -128,7 +136,11 @@ class TrainingSetup:
         """Returns the env steps of each seed at which a complete curve has points."""
         settings = self.settings
         apart = settings.part * settings.evaluate_every
-        return [*range(apart, settings.env_steps, apart), settings.env_steps]
+        return [*range(apart, self.end, apart), self.end]
+
+    def evaluation_steps(self, episodes: int) -> float:
+        """Returns the duration of an evaluation in vector steps; it plays both splits at once."""
+        return self._horizon * max(1.0, 2 * episodes / self.settings.num_envs)
 
     def _owner(self) -> dict[str, Any]:
         return {

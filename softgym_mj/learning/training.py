@@ -61,7 +61,10 @@ class Training(TrainingSetup):
         on_start: Callable[["Training"], None] = lambda training: None,
         points: int = 0,
     ):
-        """Trains to the end, from the last checkpoint if there is one.
+        """Trains to the end or the time limit, from the last checkpoint if there is one.
+
+        At the time limit, the final evaluation and the policies are those of the env steps reached.
+        The checkpoint omits this evaluation, so that the training continues as if uninterrupted.
 
         Args:
             progress: Called after each part with the training, losses and other metrics (seeds,) by
@@ -78,10 +81,13 @@ class Training(TrainingSetup):
             self._restore()
             on_start(self)
             self._catch_up()
-            while self.done < self.settings.parts:
+            while self.env_steps < self.end:
                 news = self._learn(functools.partial(progress, self), points)
                 self._keep()  # The following evaluation may fail.
-                self._catch_up()
+                if self._is_over():
+                    self._end_early()
+                else:
+                    self._catch_up()
                 progress(self, self._told_of(news))
             self._export()
         self.phase = "ended"
@@ -90,33 +96,53 @@ class Training(TrainingSetup):
 
     def _catch_up(self) -> None:
         """Evaluates at the end of a part if an evaluation is due and missing."""
-        is_last = self.done == self.settings.parts
-        if self._step or self.env_steps not in self.evaluations():
+        is_last = self.env_steps == self.end
+        if self.env_steps not in self.evaluations():
             return
         rows = [row for row in self.rows if row["env_steps"] == self.env_steps]
         if not rows or (is_last and not rows[0]["final"]):
             self._evaluate(final=is_last)
             self._keep()
 
+    def _end_early(self) -> None:
+        """Ends the training at the env steps reached; the checkpoint remains as it is."""
+        self.end = self.env_steps
+        self._evaluate(final=True)
+        self._write_results()
+
+    def _is_over(self) -> bool:
+        """Returns whether the time that is left is needed for evaluations."""
+        if self.env_steps == self.settings.env_steps:
+            return False
+        episodes = [self.settings.final_episodes]
+        if self.env_steps in self.evaluations():
+            episodes.append(self.settings.episodes)
+        return self.limit.is_over(map(self.evaluation_steps, episodes))
+
     def _learn(
         self, progress: Callable[[dict], None] = lambda news: None, points: int = 0
     ) -> dict[str, Tensor]:
-        """Trains to the end of a part; returns the last losses and other metrics."""
+        """Trains to the end of a part or the time limit; returns the last metrics."""
         settings, news = self.settings, dict[str, Tensor]()
         steps = settings.part // settings.num_envs
         self.phase = "repeats a part" if self._actions else "starts a part"
         observation, first = self._explorer.begin(self.done, self._actions)
         self.phase = "learns"
         while self._step < steps:
-            action, self._memory = self.learner.act(observation, first, self._memory, explore=True)
             is_last = self._step == steps - 1
-            step, observation, first = self._explorer.step(observation, action, is_last)
+            with self.limit.timed():
+                action, self._memory = self.learner.act(
+                    observation, first, self._memory, explore=True
+                )
+                step, observation, first = self._explorer.step(observation, action, is_last)
             self._actions.append(action)
             news = self.learner.learn(step) or news
             self._step += 1
             before = (self.env_steps - settings.num_envs) * points // settings.env_steps
             if self._step < steps and before < self.env_steps * points // settings.env_steps:
                 progress(self._told_of(news))
+            if self._step < steps and self._is_over():
+                return news
             if self._step < steps and time.monotonic() > self._due:
                 self._keep()
         self.done, self._step, self._actions, self._memory = self.done + 1, 0, [], None
@@ -173,10 +199,14 @@ class Training(TrainingSetup):
             "done": self.done, "part": part, "seconds": self.seconds,
         }  # fmt: skip
         write_checkpoint(self.folder, state)
-        write_curve(self.folder, self.rows)
-        write_json(self.folder / CARD, self.card())
+        self._write_results()
         now = time.monotonic()
         self._due = now + max(KEEP_SECONDS, KEEP_RATIO * (now - start))
+
+    def _write_results(self) -> None:
+        """Writes card and curve, each atomically."""
+        write_curve(self.folder, self.rows)
+        write_json(self.folder / CARD, self.card())
 
     def _export(self) -> None:
         """Writes the policy of each seed to a file, for `softgym-mj evaluate --policy`."""

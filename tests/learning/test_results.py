@@ -328,6 +328,14 @@ def _changed(rows, change, which=lambda row: True):
             "seed 0 has 0.99 in curve.csv, and 0.4 is the mean of episodes.csv",
         ),
         (lambda rows: _changed(rows, {"method": "sac"}), {"method": "sac"}, "512000 in the preset"),
+        (  # A training that a time limit has ended.
+            lambda rows: _changed(rows, {"method": "sac"}),
+            {
+                "method": "sac",
+                "training": {"task": NAME[0], "observation": NAME[2], "env_steps": 512_000},
+            },
+            "env steps are 300, and 512000 in the preset",
+        ),
     ],
 )
 def test_results_that_break_rules_are_not_merged(folder, rows, card, message):
