@@ -1,0 +1,215 @@
+"""Reactive experts: functions of the present observation alone, of one simulation or of a batch.
+
+They label what a learner meets, which experts that rehearse or follow a plan cannot do. Arrays are
+NumPy's or PyTorch's.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import dm_env
+import numpy as np
+
+from softgym_mj.envs.environment import Environment
+from softgym_mj.exceptions import check_name
+from softgym_mj.metrics import Array, constant, lengths, namespace, taken
+from softgym_mj.robots.gripper import MAX_DISPLACEMENT
+
+# Heights of a picker's center [m]: on the way to a point, with a point, and where it is released.
+TRAVEL, CARRY, LAID = 0.1, 0.07, 0.045
+ABOVE = 0.03  # [m] Height over a point at which it is grasped.
+GOOD = 0.02  # [m] Error up to which a point is not moved.
+ARRIVED = 0.015  # [m] Distance from its place at which a point is released.
+OVER, READY = 0.03, 0.018  # [m] Distances from a point at which a picker descends and closes.
+PUTTING = 0.4  # Fraction of full speed at which points are carried.
+ROOM = 0.05  # [m] Minimum distance of two points that are moved at once, and of their places.
+BESIDE = 2  # Largest difference of the indices of a point and the one nearest to its grasp.
+KEEP = 0.075  # [m] Distance of the pickers below which a free one moves away.
+NEXT = 5  # Minimum difference of the indices of two points that are moved at once.
+
+
+class Pickers(NamedTuple):
+    """Two pickers.
+
+    Attributes:
+        centers: (..., 2, 3) [m].
+        holds: whether each holds a point (..., 2).
+        lost: whether each must open before it can take a point (..., 2).
+        held: index of the point that it holds, or of the nearest one (..., 2).
+    """
+
+    centers: Array
+    holds: Array
+    lost: Array
+    held: Array
+
+
+class Motion(NamedTuple):
+    """Goal of one picker.
+
+    Attributes:
+        goal: (..., 3) [m].
+        closed: whether it is closed (...).
+        speed: fraction of full speed (...).
+    """
+
+    goal: Array
+    closed: Array
+    speed: Array
+
+
+def rope_configuration(observation: Array) -> Array:
+    """Returns actions (..., 8) of RopeConfiguration for observations "markov" (..., 74).
+
+    Each picker carries a nearby point with a large error to its place, again and again.
+    """
+    lead, xp = observation.shape[:-1], namespace(observation)
+    points = _between(observation[..., :30].reshape((*lead, 10, 3)))
+    places = _between(observation[..., 30:60].reshape((*lead, 10, 3)))
+    backwards = xp.flip(places, axis=-2)
+    errors = [lengths(points - each).sum(-1) for each in (places, backwards)]
+    places = xp.where((errors[0] <= errors[1])[..., None, None], places, backwards)
+    centers = observation[..., 60:66].reshape((*lead, 2, 3))
+    grips = observation[..., 66:].reshape((*lead, 2, 4))
+    offsets = points[..., None, :, :] - (centers + grips[..., 1:])[..., None, :]
+    held = xp.argmin(lengths(offsets), axis=-1)
+    pickers = Pickers(centers, grips[..., 0] > 0.5, grips[..., 0] < -0.5, held)
+    return carrying(points, places, pickers, 8 * MAX_DISPLACEMENT)
+
+
+def _between(points: Array) -> Array:
+    """Returns points (..., 4 n - 3, 3) on the line through points (..., n, 3)."""
+    xp = namespace(points)
+    first, last = points[..., :-1, None, :], points[..., 1:, None, :]
+    shares = constant([[0.0], [0.25], [0.5], [0.75]], points)
+    inner = first + shares * (last - first)
+    flat = inner.reshape((*points.shape[:-2], -1, 3))
+    return xp.concat([flat, points[..., -1:, :]], axis=-2)
+
+
+def carrying(points: Array, places: Array, pickers: Pickers, stride: float) -> Array:
+    """Returns actions (..., 8) that carry points to their places.
+
+    Args:
+        points: (..., n, 3) [m].
+        places: (..., n, 3) [m].
+        pickers: two pickers.
+        stride: displacement in an env step at full speed [m].
+    """
+    xp = namespace(points)
+    targets = _targets(points, places, pickers)
+    parts = []
+    for i, (target, exists) in enumerate(targets):
+        carried = _carried(points, places, pickers, i)
+        fetched = _fetched(points, target, exists, pickers, i)
+        holds = pickers.holds[..., i]
+        goal = xp.where(holds[..., None], carried.goal, fetched.goal)
+        closed = xp.where(holds, carried.closed, fetched.closed)
+        speed = xp.where(holds, carried.speed, fetched.speed)
+        move = (goal - pickers.centers[..., i, :]) / stride
+        move = move * (speed / xp.maximum(xp.max(xp.abs(move), axis=-1), speed))[..., None]
+        parts += [move, xp.where(closed, xp.ones_like(speed), -xp.ones_like(speed))[..., None]]
+    return xp.concat(parts, axis=-1)
+
+
+def _targets(points: Array, places: Array, pickers: Pickers) -> list[tuple[Array, Array]]:
+    """Returns, for each picker, the index (...) of the point to fetch, and whether there is one."""
+    xp = namespace(points)
+    index = xp.cumulative_sum(xp.ones_like(points[..., 0]), axis=-1) - 1.0
+
+    def apart(point: Array) -> Array:
+        """Returns which points (..., n) can be moved together with one (...)."""
+        result = xp.abs(index - point[..., None]) >= NEXT
+        for each in (points, places):
+            result = result & (_across(each, taken(each, point[..., None])) > ROOM)
+        return result
+
+    # A point below another strand cannot be grasped from above.
+    above = points + constant([0.0, 0.0, ABOVE], points)
+    offsets = above[..., :, None, :] - points[..., None, :, :]
+    nearest = xp.argmin(lengths(offsets), axis=-1)
+    error = _across(points, places)
+    allowed = (error >= GOOD) & (xp.abs(nearest - index) <= BESIDE)
+    for i in range(2):
+        allowed = allowed & (apart(pickers.held[..., i]) | ~pickers.holds[..., i, None])
+    result: list[tuple[Array, Array]] = []
+    for i in range(2):
+        # Errors less the picker's way: a picker on its way keeps its target.
+        values = error - _across(points, pickers.centers[..., i, None, :])
+        point, exists = _largest(values, allowed)
+        result.append((point, exists))
+        allowed = allowed & (apart(point) | pickers.holds[..., i, None])
+    return result
+
+
+def _carried(points: Array, places: Array, pickers: Pickers, i: int) -> Motion:
+    """Returns the motion of picker `i` with what it holds: up, to its place, down, release."""
+    xp = namespace(points)
+    center, height = pickers.centers[..., i, :], pickers.centers[..., i, 2]
+    own = pickers.held[..., i, None]
+    goal = center + (taken(places, own) - taken(points, own))[..., 0, :]
+    there = _across(goal, center) <= ARRIVED
+    done = there & (height <= LAID + 0.005)
+    stays = xp.where(there, done, height < CARRY - 0.02)
+    level = xp.where(done, height, xp.where(there, xp.full_like(height, LAID), CARRY))
+    closed = ~done
+    if i == 1:  # It gives way to the other one.
+        way = pickers.centers[..., 0, :] - center
+        blocked = pickers.holds[..., 0] & (lengths(way[..., :2]) < KEEP)
+        closed = closed & ~(blocked & (xp.sum((goal - center) * way, axis=-1) > 0.0) & ~there)
+    across = xp.where(stays[..., None], center[..., :2], goal[..., :2])
+    return Motion(_at(across, level), closed, xp.full_like(height, PUTTING))
+
+
+def _fetched(points: Array, target: Array, exists: Array, pickers: Pickers, i: int) -> Motion:
+    """Returns the motion of free picker `i` to a point: over it, down, close; or out of the way."""
+    xp = namespace(points)
+    center, height = pickers.centers[..., i, :], pickers.centers[..., i, 2]
+    other, other_holds = pickers.centers[..., 1 - i, :], pickers.holds[..., 1 - i]
+    point = taken(points, target[..., None])[..., 0, :]
+    distance = _across(point, center)
+    rises = (height < TRAVEL - 0.03) & (distance > 0.05)
+    across = xp.where(rises[..., None], center[..., :2], point[..., :2])
+    level = xp.where(distance <= OVER, point[..., 2] + ABOVE, TRAVEL)
+    goal = _at(across, level)
+    between = center - other
+    gap = lengths(between[..., :2])
+    is_close = gap < KEEP
+    exists = exists & (_across(goal, other) >= ROOM) & ~(is_close & other_holds)
+    closes = exists & (distance <= OVER) & ~pickers.lost[..., i]
+    closes = closes & (xp.max(xp.abs(goal - center), axis=-1) <= READY)
+    # A picker without a target rests; near the other one it moves away.
+    away = center + (KEEP / xp.maximum(gap, xp.full_like(gap, 1e-3)))[..., None] * between
+    rest = xp.where(is_close[..., None], away, center)[..., :2]
+    rest = _at(rest, xp.full_like(height, TRAVEL))
+    goal = xp.where(exists[..., None], xp.where(closes[..., None], center, goal), rest)
+    return Motion(goal, closes, xp.ones_like(height))
+
+
+def _at(across: Array, height: Array) -> Array:
+    return namespace(across).concat([across, height[..., None]], axis=-1)
+
+
+def _across(first: Array, second: Array) -> Array:
+    """Returns horizontal distances (...) [m] of points (..., 3)."""
+    return lengths((first - second)[..., :2])
+
+
+def _largest(values: Array, allowed: Array) -> tuple[Array, Array]:
+    """Returns the index (...) of the largest allowed value (..., n), and whether there is one."""
+    xp = namespace(values)
+    values = xp.where(allowed, values, -xp.inf)
+    return xp.argmax(values, axis=-1), xp.any(allowed, axis=-1)
+
+
+LABELS: dict[str, Callable[[Array], Array]] = {"rope_configuration": rope_configuration}
+
+
+def policy(env: Environment) -> Callable[[dm_env.TimeStep], np.ndarray]:
+    """Returns the reactive expert of an environment that observes "markov".
+
+    Raises:
+        InvalidArgumentError: for a task without a reactive expert.
+    """
+    check_name("task", env.name, LABELS)
+    return lambda timestep: LABELS[env.name](timestep.observation["markov"])

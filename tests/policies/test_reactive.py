@@ -1,0 +1,113 @@
+"""Reactive experts: hand-computed actions, batches against single observations, whole episodes."""
+
+import numpy as np
+import pytest
+import torch
+
+import softgym_mj
+from softgym_mj.envs.environment import Environment
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.policies import reactive
+from softgym_mj.policies.factory import make_policy
+
+NAME = "softgym_mj.policies.reactive:policy"
+HIGH = 0.1  # [m] Height at which free pickers rest.
+
+
+def seen(rope, goal, pickers, held=(0, 0), offsets=((0.0,) * 3,) * 2):
+    """Returns the observation "markov" (74,) of key points, pickers, grips and offsets [m]."""
+    grips = np.column_stack([held, offsets])
+    return np.concatenate([np.ravel(part) for part in (rope, goal, pickers, grips)])
+
+
+def straight(y):
+    """Returns key points (10, 3) [m] on a line parallel to X, 0.05 m apart."""
+    return np.column_stack([0.05 * np.arange(10) - 0.225, np.full(10, y), np.full(10, 0.00625)])
+
+
+def entries(action):
+    """Returns displacements (2, 3) as fractions of full speed, and grips (2,)."""
+    action = action.reshape(2, 4)
+    return action[:, :3], action[:, 3]
+
+
+def test_pickers_rest_if_the_rope_is_placed():
+    pickers = [[-0.1, 0.2, HIGH], [0.1, 0.2, HIGH]]
+    moves, grips = entries(reactive.rope_configuration(seen(straight(0), straight(0), pickers)))
+    np.testing.assert_allclose(moves, 0.0, atol=1e-12)
+    assert grips.tolist() == [-1.0, -1.0]
+
+
+def test_a_free_picker_goes_to_the_displaced_end_and_the_other_one_rests():
+    rope = straight(0)
+    rope[-1, 1] += 0.1  # 0.1 m off: only the last segment is misplaced.
+    pickers = [[0.225, 0.5, HIGH], [-0.2, -0.3, HIGH]]
+    moves, grips = entries(reactive.rope_configuration(seen(rope, straight(0), pickers)))
+    # The end is 0.4 m away along Y, farther than the 0.08 m of an env step.
+    np.testing.assert_allclose(moves, [[0.0, -1.0, 0.0], [0.0, 0.0, 0.0]], atol=1e-12)
+    assert grips.tolist() == [-1.0, -1.0]
+
+
+def test_a_picker_over_its_target_descends_and_one_at_its_target_closes():
+    rope = straight(0)
+    rope[-1, 1] += 0.1
+    goal, aside = straight(0), [-0.2, -0.3, HIGH]
+    grasp = rope[-1] + [0.0, 0.0, reactive.ABOVE]
+    over = grasp + [0.0, 0.0, 0.05]
+    moves, grips = entries(reactive.rope_configuration(seen(rope, goal, [over, aside])))
+    np.testing.assert_allclose(moves[0], [0.0, 0.0, -0.05 / 0.08], atol=1e-12)
+    assert grips[0] == -1.0
+    moves, grips = entries(reactive.rope_configuration(seen(rope, goal, [grasp, aside])))
+    np.testing.assert_allclose(moves[0], 0.0, atol=1e-12)
+    assert grips[0] == 1.0
+    # After a release under load it has to open first.
+    lost = reactive.rope_configuration(seen(rope, goal, [grasp, aside], held=(-1, 0)))
+    assert entries(lost)[1][0] == -1.0
+
+
+def test_a_picker_carries_what_it_holds_slowly_and_releases_it_at_its_place():
+    rope = straight(0)
+    rope[-1] += [0.0, 0.1, 0.03]
+    center, aside = rope[-1] + [0.0, 0.0, 0.034], [-0.2, -0.3, HIGH]
+    offsets = [[0.0, 0.0, -0.034], [0.0, 0.0, 0.0]]
+    state = seen(rope, straight(0), [center, aside], (1, 0), offsets)
+    moves, grips = entries(reactive.rope_configuration(state))
+    assert moves[0, 1] == pytest.approx(-reactive.PUTTING) and grips[0] == 1.0
+    placed = straight(0)
+    center = placed[-1] + [0.0, 0.0, reactive.LAID - placed[-1, 2]]
+    offsets[0][2] = placed[-1, 2] - reactive.LAID
+    state = seen(placed, straight(0), [center, aside], (1, 0), offsets)
+    assert entries(reactive.rope_configuration(state))[1][0] == -1.0
+
+
+def test_the_nearer_direction_of_the_goal_counts():
+    pickers = [[-0.1, 0.2, HIGH], [0.1, 0.2, HIGH]]
+    rope, goal = straight(0), straight(0)[::-1]
+    action = reactive.rope_configuration(seen(rope, goal, pickers))
+    np.testing.assert_array_equal(action, reactive.rope_configuration(seen(rope, rope, pickers)))
+
+
+def test_batches_have_the_actions_of_single_observations():
+    source = np.random.default_rng(0)
+    states = 0.1 * source.standard_normal((60, 74))
+    states[:, 66::4] = source.integers(-1, 2, (60, 2))
+    single = [reactive.rope_configuration(state) for state in states]
+    batch = reactive.rope_configuration(torch.tensor(states).reshape(3, 20, 74))
+    np.testing.assert_allclose(batch.reshape(60, 8), single, rtol=0, atol=1e-12)
+    assert np.abs(single).max() <= 1.0
+
+
+def test_it_lays_ropes_in_the_shape_of_letters():
+    env = softgym_mj.load("rope_configuration", split=range(700, 710), observation="markov")
+    assert isinstance(env, Environment)
+    scores = []
+    for variation in range(700, 710):
+        for _ in env.play(make_policy(NAME, env), variation):
+            pass
+        scores.append(env.info()["normalized_performance"])
+    assert np.mean(scores) > 0.7 and np.min(scores) > 0.4
+
+
+def test_other_tasks_are_refused():
+    with pytest.raises(InvalidArgumentError, match="rope_configuration"):
+        make_policy(NAME, softgym_mj.load("straighten_rope", observation="markov"))
