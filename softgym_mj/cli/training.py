@@ -69,8 +69,9 @@ def train(
     teacher: Annotated[
         str | None,
         typer.Option(
-            help="Policy that distill imitates, with --trust: FILE.pt2, or the name of one in "
-            "docs/results/policies of a clone.",
+            help="Policy that distill imitates: with --trust FILE.pt2, or the name of one in "
+            "docs/results/policies of a clone; or MODULE:FUNCTION that maps markov observations "
+            "to actions.",
         ),
     ] = None,
     trust: Trust = False,
@@ -200,7 +201,11 @@ def _check_gpu(method: str, task: str, preset: str) -> None:
 def _teacher(name: str, trust: bool) -> dict[str, Any]:
     """Returns settings of distill for a teacher."""
     from softgym_mj.policies.exported import SUFFIX, has_images, observes
+    from softgym_mj.policies.saved import imported
 
+    if ":" in name:
+        imported(name)
+        return {"teacher": name, "privileged": "markov"}
     file = policy_file(name)
     if not file.endswith(SUFFIX) or not pathlib.Path(file).is_file():
         raise InvalidArgumentError("teacher", name, f"FILE{SUFFIX}, or {PUBLISHED.format('NAME')}")

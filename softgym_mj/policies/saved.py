@@ -31,7 +31,7 @@ def takes_seed(name: str) -> bool:
     """
     if name.endswith(SUFFIX):
         return SEED in name
-    function = _function(name)
+    function = imported(name)
     try:
         return "seed" in inspect.signature(function).parameters
     except (TypeError, ValueError):  # Not a function, or a built-in one.
@@ -50,7 +50,7 @@ def sha256(name: str, seed: int) -> dict[str, str]:
     if name.endswith(SUFFIX):
         name = name.replace(SEED, str(seed))
         return {name: hashlib.sha256(read_policy(name)).hexdigest()}
-    _function(name)
+    imported(name)
     source = getattr(importlib.import_module(name.split(":", 1)[0]), "__file__", None)
     if source is None:
         return {}
@@ -65,7 +65,7 @@ def make_saved(name: str, env: Environment, seed: int, trust: bool) -> Policy:
 
 
 def _imported(name: str, env: Environment, seed: int) -> Policy:
-    make = _function(name)
+    make = imported(name)
     settings = {"seed": seed} if takes_seed(name) else {}
     try:
         policy = make(env, **settings)
@@ -84,7 +84,8 @@ def _imported(name: str, env: Environment, seed: int) -> Policy:
     return policy
 
 
-def _function(name: str) -> Any:
+def imported(name: str) -> Any:
+    """Returns what "module:name" names; raises `InvalidArgumentError` if it cannot be imported."""
     module, function = name.split(":", 1)
     try:
         return getattr(importlib.import_module(module), function)

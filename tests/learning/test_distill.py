@@ -11,6 +11,7 @@ from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.methods.distill import LABEL, Distill, DistillSettings
 from softgym_mj.learning.methods.students import Student
 from softgym_mj.learning.registry import find_method
+from softgym_mj.policies.reactive import rope_configuration
 
 SIZE = 35
 SHAPES = {"markov": (1,), "rgb": (SIZE, SIZE, 3), "held": (2,)}
@@ -204,10 +205,34 @@ def test_a_policy_acts_as_its_student_with_half_the_bytes():
     assert sizes[0] == sizes[1] / 2
 
 
+def test_a_function_of_a_module_labels_states_for_students_of_states():
+    name = "softgym_mj.policies.reactive:rope_configuration"
+    assert training._teacher(name, False) == {"teacher": name, "privileged": "markov"}
+    result = find_method("distill", teacher=name, **SMALL)
+    shapes = {"reduced": (66,), "held": (2,), "markov": (74,)}
+    names = ("reduced", "held")
+    problem = Problem(
+        "rope_configuration", {}, [0], 4, (), 8, 1.0, "cpu", names, shapes, 100
+    )  # fmt: skip
+    learner = result.make(result.settings, problem)
+    states = 0.1 * torch.randn(1, 4, 74)
+    torch.testing.assert_close(learner._teacher(states), rope_configuration(states))
+    # Linear, norm, tanh, then the head on the features and all numbers.
+    student, seen = learner.students[0], {"reduced": states[0, :, :66], "held": torch.ones(4, 2)}
+    numbers = torch.cat([seen["reduced"], seen["held"]], -1)
+    linear, norm, _ = student.encoder
+    features = norm(numbers @ linear.weight.T + linear.bias).tanh()
+    torch.testing.assert_close(student(seen), student.head(torch.cat([features, numbers], -1)))
+
+
+def test_missing_functions_are_refused_as_teachers():
+    with pytest.raises(InvalidArgumentError, match="cannot be imported"):
+        training._teacher("softgym_mj.policies.reactive:missing", False)
+
+
 def test_bad_settings_are_refused():
-    for shapes in ({"held": (2,)}, {"rgb": (20, 20, 3)}):
-        with pytest.raises(InvalidArgumentError, match="35 pixels"):
-            Student(DistillSettings(), shapes, 2)
+    with pytest.raises(InvalidArgumentError, match="35 pixels"):
+        Student(DistillSettings(), {"rgb": (20, 20, 3)}, 2)
 
 
 @pytest.mark.parametrize("observed", ["rgb", "depth", "external_rgb", ["reduced", "rgb"]])

@@ -1,4 +1,4 @@
-"""Distillation: an image policy imitates a state policy, for several seeds.
+"""Distillation: a policy of images or states imitates a state policy, for several seeds.
 
 DAgger (Ross et al., 2011): the student acts, the teacher labels what the student meets, and the
 student is fitted to the labels of the newest env steps.
@@ -20,6 +20,7 @@ from softgym_mj.learning.frames import Frames, stacked
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.methods.students import Observation, Student, StudentSettings
 from softgym_mj.learning.networks import StoredInHalf, drawn, generators
+from softgym_mj.policies.saved import imported
 from softgym_mj.storage.files import read_whole
 from softgym_mj.validation import typed
 
@@ -33,7 +34,8 @@ class DistillSettings(StudentSettings):
     """Settings of distillation.
 
     Attributes:
-        teacher: file of the teacher, a policy that `torch.export.save` wrote.
+        teacher: the teacher: a file of a policy that `torch.export.save` wrote, or
+            "module:function" of a function that maps privileged observations (..., k) to actions.
     """
 
     teacher: str = ""
@@ -179,17 +181,24 @@ def make(settings: DistillSettings, problem: Problem) -> Distill:
     """Returns the `Learner` of a problem.
 
     Raises:
-        InvalidArgumentError: for a problem without images, or no teacher.
+        InvalidArgumentError: for a problem of one observation, or no teacher.
         StoreError: for a teacher's file that cannot be read.
     """
     if not settings.teacher:
         valid = "a file of a policy: softgym-mj train distill TASK --teacher FILE.pt2 --trust"
         raise InvalidArgumentError("teacher", settings.teacher, valid)
-    exported = torch.export.load(io.BytesIO(read_whole(settings.teacher)))
+    return Distill(settings, problem, _teacher(settings.teacher, problem.device))
+
+
+def _teacher(name: str, device: str) -> Callable[[Tensor], Tensor]:
+    """Returns a function from privileged observations (seeds, n, k) to actions."""
+    if ":" in name:
+        return imported(name)
+    exported = torch.export.load(io.BytesIO(read_whole(name)))
     # A file has a policy of a single observation: vmap makes it one of many.
-    teacher = torch.func.vmap(move_to_device_pass(exported, problem.device).module())
+    teacher = torch.func.vmap(move_to_device_pass(exported, device).module())
 
     def labels(states: Tensor) -> Tensor:
         return teacher(states.flatten(0, 1)[:, None])[:, 0].unflatten(0, states.shape[:2])
 
-    return Distill(settings, problem, labels)
+    return labels

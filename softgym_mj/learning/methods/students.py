@@ -92,26 +92,34 @@ class Student(nn.Module):
             action: size of an action.
 
         Raises:
-            InvalidArgumentError: for observations without an image, or too small ones.
+            InvalidArgumentError: for images that are too small.
         """
         super().__init__()
         self.frames = settings.frames
         self.images = [name for name, shape in shapes.items() if len(shape) > 1]
         self.others = [name for name, shape in shapes.items() if len(shape) == 1]
         examples = [pictured(torch.zeros(shapes[name])) for name in self.images]
-        sides = [*examples[0].shape[:2]] if examples else [0]
-        inputs = settings.frames * sum(example.shape[-1] for example in examples)
+        others = sum(shapes[name][0] for name in self.others)
         layers: list[nn.Module] = []
-        for kernel, stride in _LAYERS:
-            layers += [nn.Conv2d(inputs, settings.channels, kernel, stride), nn.ReLU()]
-            inputs, sides = settings.channels, [(side - kernel) // stride + 1 for side in sides]
-        if min(sides) < 1:
-            raise InvalidArgumentError("observation", dict(shapes), "images of 35 pixels or more")
+        if examples:
+            sides = [*examples[0].shape[:2]]
+            inputs = settings.frames * sum(example.shape[-1] for example in examples)
+            for kernel, stride in _LAYERS:
+                layers += [nn.Conv2d(inputs, settings.channels, kernel, stride), nn.ReLU()]
+                inputs, sides = settings.channels, [(side - kernel) // stride + 1 for side in sides]
+            if min(sides) < 1:
+                raise InvalidArgumentError(
+                    "observation", dict(shapes), "images of 35 pixels or more"
+                )
+            layers.append(nn.Flatten())
+            encoded = inputs * sides[0] * sides[1]
+        else:
+            encoded = others
         self.encoder = nn.Sequential(
-            *layers, nn.Flatten(), nn.Linear(inputs * sides[0] * sides[1], settings.features),
+            *layers, nn.Linear(encoded, settings.features),
             nn.LayerNorm(settings.features), nn.Tanh(),
         )  # fmt: skip
-        width = settings.features + sum(shapes[name][0] for name in self.others)
+        width = settings.features + others
         head: list[nn.Module] = []
         for size, following in itertools.pairwise((width, *settings.hidden, action)):
             head += [nn.Linear(size, following), nn.ReLU()]
@@ -128,5 +136,9 @@ class Student(nn.Module):
             for name in self.images
             for frame in pictured(observation[name], 2).unbind(1)
         ]
-        encoded = self.encoder(torch.cat(seen, dim=-1).movedim(-1, 1))  # Channels stay last.
-        return self.head(torch.cat([encoded, *(observation[n].float() for n in self.others)], -1))
+        others = [observation[name].float() for name in self.others]
+        # Channels stay last.
+        encoded = self.encoder(
+            torch.cat(seen, -1).movedim(-1, 1) if seen else torch.cat(others, -1)
+        )
+        return self.head(torch.cat([encoded, *others], -1))
