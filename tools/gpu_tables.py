@@ -39,6 +39,19 @@ def rates() -> str:
     )
 
 
+def arms() -> str:
+    """Env steps per second with a Franka, and the memory of most environments."""
+    found = measured("gpu_arms")
+    rows = []
+    for task, by_number in found["rates"].items():
+        cells = [f"{rate['env_steps_per_s']:,.0f}" for rate in by_number.values()]
+        most = list(by_number.values())[-1]
+        cells.append(f"{most['memory_gb'] + most['jax_memory_gb']:.1f}")
+        rows.append(f"| `{task}` | {' | '.join(cells)} |")
+    numbers = [f"{int(number):,}" for number in by_number]
+    return table(f"| task | {' | '.join(numbers)} | GB of {numbers[-1]} |", rows)
+
+
 def images() -> str:
     """Env steps per second with images, and how alike images are."""
     found, alike = measured("gpu").get("images", {}), measured("pictures")
@@ -99,6 +112,7 @@ def long() -> str:
 
 TABLES: Mapping[str, Callable[[], str]] = {
     "rates": rates,
+    "arms": arms,
     "images": images,
     "bits": bits,
     "planner": planner,
