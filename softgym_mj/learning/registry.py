@@ -143,8 +143,12 @@ def find_preset(
     if "part" not in replaced:
         _fit_part(result["training"])
     method = find_method(name, **{key: _tuples(value) for key, value in result["method"].items()})
-    named = preset if LABELED.issuperset(replaced) else "custom"
-    return TrainingSettings(task, **result["training"]), dataclasses.replace(method, preset=named)
+    training = TrainingSettings(task, **result["training"])
+    own = {key: value for key, value in replaced.items() if key in LABELED}
+    as_preset = training, dataclasses.replace(method, preset=preset)
+    if own == replaced or find_preset(name, preset, task, **own) == as_preset:
+        return as_preset
+    return training, dataclasses.replace(method, preset="custom")
 
 
 def _fit_part(training: dict[str, Any]) -> None:

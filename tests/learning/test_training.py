@@ -185,6 +185,8 @@ def test_presets_are_found_by_name_and_changed():
     training, method = find_preset("sac", "fast", "fold_cloth", episodes=7, hidden=[8])
     assert (training.task, method.name, method.preset) == ("fold_cloth", "sac", "custom")
     assert (training.episodes, method.settings.hidden) == (7, (8,))
+    same = find_preset("sac", "fast", "fold_cloth", episodes=20)
+    assert same == find_preset("sac", "fast", "fold_cloth") and same[1].preset == "fast"
     with pytest.raises(InvalidArgumentError, match="preset='slow'"):
         find_preset("sac", "slow", "fold_cloth")
     with pytest.raises(InvalidArgumentError, match="method='none'"):
