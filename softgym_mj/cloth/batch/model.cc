@@ -11,6 +11,7 @@
 
 #include <mujoco/mujoco.h>
 
+#include "cloth/batch/model_solids.h"
 #include "cloth/plugin/workspace.h"
 #include "native/export.h"
 
@@ -74,48 +75,6 @@ void Invert(const std::vector<int>& corners, int of_item, int vertices, std::vec
   for (size_t i = 0; i < corners.size(); ++i) {
     if (corners[i] >= 0) (*items)[place[corners[i]]++] = static_cast<int>(i) / of_item;
   }
-}
-
-// Fills the solids with geom ids `geoms`, of which the first ones are grippers, and the first solid of each body.
-std::string FillSolids(const mjModel* m, const Mesh& mesh, const std::vector<int>& geoms, int grippers,
-                       std::vector<Solid>* solids, std::vector<int>* first, std::vector<int>* trees) {
-  std::vector<int> bodies;
-  for (size_t i = 0; i < geoms.size(); ++i) {
-    const int g = geoms[i];
-    const bool grips = static_cast<int>(i) < grippers;
-    if (g < 0) {
-      first->push_back(static_cast<int>(i));
-      trees->push_back(-1);
-      bodies.push_back(-1);
-      solids->push_back({Shape::kSphere, {}, 0, -1, static_cast<int>(i), 0, 0, {}});
-      continue;
-    }
-    const int own = m->geom_bodyid[g];
-    if (grips && (m->geom_type[g] != mjGEOM_SPHERE || !MayTouch(m, g, mesh.materials[0])))
-      return "expected spheres as grippers.";
-    Solid solid = {
-        ShapeOf(m, g),     {}, static_cast<float>(Friction(m, g, mesh.flexes[0])), g, 0, m->body_treeid[own] < 0,
-        m->geom_rbound[g], {}};
-    if (solid.shape == Shape::kPlane || solid.shape >= Shape::kMesh)
-      return "expected spheres, capsules, ellipsoids, cylinders or boxes as solids.";
-    if (i > 0 && grips == (static_cast<int>(i) - 1 < grippers) && g <= geoms[i - 1]) {
-      return "expected grippers and solids in the order of their ids.";
-    }
-    CopySize(m, g, solid.size);
-    mjtNum arm[3], back[4];
-    mju_sub3(arm, m->body_ipos + 3 * own, m->geom_pos + 3 * g);
-    mju_negQuat(back, m->geom_quat + 4 * g);
-    if (!grips) mju_rotVecQuat(solid.center, arm, back);
-    const auto found = grips ? bodies.end() : std::find(bodies.begin(), bodies.end(), own);
-    solid.body = static_cast<int>(found - bodies.begin());
-    if (found == bodies.end()) {
-      bodies.push_back(own);
-      trees->push_back(m->body_treeid[own]);
-      first->push_back(static_cast<int>(i));
-    }
-    solids->push_back(solid);
-  }
-  return "";
 }
 
 std::string Write(const mjModel* m, const Workspace& w, const std::vector<int>& geoms, int grippers, double room,
