@@ -19,12 +19,14 @@ from softgym_mj.batch.device import Copy, Device
 from softgym_mj.exceptions import UnavailableError, check_name, install_extra
 from softgym_mj.native.caches import cache_folder
 
-# Ends of the names of variants: cloth and rope with solids, and water that pushes walls.
-SOLIDS, PUSHES = "_solids", "_pushes"
+# Ends of the names of variants: cloth and rope with solids, also with meshes and heightfields, and
+# water that pushes walls.
+SOLIDS, GRIDS, PUSHES = "_solids", "_grids", "_pushes"
 # Folder, entry file and macros of each kernel; all other code is in headers.
 KERNELS: dict[str, tuple[str, str, Mapping[str, str]]] = {
     "cloth": ("cloth", "cloth/batch/step.cu", {"SGM_SOLIDS": "0"}),
-    f"cloth{SOLIDS}": ("cloth", "cloth/batch/step.cu", {}),
+    f"cloth{SOLIDS}": ("cloth", "cloth/batch/step.cu", {"SGM_GRIDS": "0"}),
+    f"cloth{GRIDS}": ("cloth", "cloth/batch/step.cu", {}),
     "fluid": ("fluid", "fluid/batch/step.cu", {"SGM_PUSHES": "0"}),
     f"fluid{PUSHES}": ("fluid", "fluid/batch/step.cu", {}),
     "measures": ("batch", "batch/measures.cu", {}),

@@ -20,7 +20,8 @@ Array = Any  # NumPy or PyTorch array.
 Shape = tuple[str | int, tuple[int, ...], str]
 
 
-def _pointer(array: np.ndarray) -> ctypes.c_void_p:
+def pointer(array: np.ndarray) -> ctypes.c_void_p:
+    """Returns the address of an array for a function of the library."""
     return ctypes.c_void_p(array.ctypes.data)
 
 
@@ -43,8 +44,8 @@ def describe(
     out = device.zeros((0,), "uint8")
     for _ in range(2):  # The first call returns the size, the second one writes the content.
         size = write(
-            ctypes.c_void_p(model._address), ctypes.c_void_p(data._address), _pointer(ids),
-            len(ids), *settings, _pointer(out), len(out), _pointer(error), _REASON,
+            ctypes.c_void_p(model._address), ctypes.c_void_p(data._address), pointer(ids),
+            len(ids), *settings, pointer(out), len(out), pointer(error), _REASON,
         )  # fmt: skip
         if not size:
             reason = error.tobytes().split(b"\0")[0].decode()
@@ -70,7 +71,8 @@ class BatchSolver:
         models: Models (num_envs,) int64 from `load`; environments with 0 are not stepped.
         queue: Order of environments on a GPU.
         flags: Failures so far as bits (num_envs,) int32.
-        grown: Number of times that the memory of steps has been replaced by a larger one.
+        grown: Number of times that the memory of steps has been replaced by a larger one, or the
+            kernel by one that also steps other models.
     """
 
     kind: str
@@ -128,17 +130,18 @@ class BatchSolver:
         Raises:
             InvalidArgumentError: If the model is larger than the rows.
         """
-        key = model.tobytes()
-        if key in self._loaded:
-            return self._loaded[key][0]
         found = np.zeros(len(self._sizes), np.int32)
-        function(self.kind, "counts")(_pointer(model), _pointer(found))
+        function(self.kind, "counts")(pointer(model), pointer(found))
         counts = dict(zip(self._sizes, found.tolist(), strict=True))
         fits = all(counts[name] <= most for name, most in self._sizes.items())
         if not fits or any(counts[name] != self._sizes[name] for name in self.exact):
             raise InvalidArgumentError("model", counts, f"within {self._sizes}")
+        model = self._shared(model)
+        key = model.tobytes()
+        if key in self._loaded:
+            return self._loaded[key][0]
         needed = np.zeros(2, np.int64)
-        function(self.kind, "memory")(_pointer(model), _pointer(needed))
+        function(self.kind, "memory")(pointer(model), pointer(needed))
         kept, memory = (-(-needed // ALIGNMENT) * ALIGNMENT).tolist()
         if kept > self._kept.shape[1] or memory > self._memory.shape[1]:
             kept, memory = max(kept, self._kept.shape[1]), max(memory, self._memory.shape[1])
@@ -150,6 +153,10 @@ class BatchSolver:
         address = self.device.address(there)
         self._loaded[key], self._counts[address] = (address, there), counts
         return address
+
+    def _shared(self, model: np.ndarray) -> np.ndarray:
+        """Returns a model whose large parts are on the device, where models share them."""
+        return model
 
     # ------------------------------------------------------------------ one environment
 

@@ -5,6 +5,7 @@ motion, and a plane. The kernel runs on one CPU thread or on a block of a GPU.
 """
 
 import ctypes
+import hashlib
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -12,9 +13,9 @@ import mujoco
 import numpy as np
 
 from softgym_mj.batch import solver
-from softgym_mj.batch.device import Device
-from softgym_mj.batch.gpu import SOLIDS
-from softgym_mj.batch.solver import Array
+from softgym_mj.batch.device import CpuDevice, Device, function
+from softgym_mj.batch.gpu import GRIDS, SOLIDS
+from softgym_mj.batch.solver import Array, pointer
 from softgym_mj.exceptions import InvalidArgumentError
 
 KEPT_PAIRS = 2  # The same number as in batch/environment.h.
@@ -68,8 +69,8 @@ def describe(
         grippers: Ids of geoms with prescribed motion: spheres; -1 for a gripper that only holds.
         room: Room for contacts, relative to the number that piles need.
         solids: Ids of further geoms that move as told, or stand at their poses if their bodies have
-            no joints: spheres, capsules, ellipsoids, cylinders and boxes. Grippers and solids are
-            each in the order of their ids; all push in that order.
+            no joints: all but planes. Grippers and solids are each in the order of their ids; all
+            push in that order.
 
     Raises:
         InvalidArgumentError: If batches do not support something in the model.
@@ -188,7 +189,31 @@ class ClothBatchSolver(solver.BatchSolver):
             "pushed": pushed,
         }
         self._variant = SOLIDS if solids else ""
+        self._grids: dict[bytes, Array] = {}  # Nodes of meshes and heightfields by their digest.
         super().__init__(num_envs, sizes, device)
+
+    def _shared(self, model: np.ndarray) -> np.ndarray:
+        """Returns a model without the nodes of its grids: each grid is once on the device."""
+        room = np.zeros(self._sizes["grippers"] + self._sizes["solids"], np.int64)
+        sizes = room[: function(self.kind, "grids")(pointer(model), pointer(room))]
+        if not len(sizes):
+            return model
+        if self._variant != GRIDS:
+            self._variant = GRIDS
+            self.grown += 1
+        bounds = np.cumsum([len(model) - sizes.sum(), *sizes])[:-1]
+        own, *grids = np.split(model, bounds)
+        own = CpuDevice().put(own)
+        addresses = np.array([self._address(grid) for grid in grids], np.int64)
+        function(self.kind, "set_grids")(pointer(own), pointer(addresses))
+        return own
+
+    def _address(self, grid: np.ndarray) -> int:
+        """Returns the address on the device of a grid's nodes."""
+        key = hashlib.blake2b(grid.data).digest()
+        if key not in self._grids:
+            self._grids[key] = self.device.put(grid)
+        return self.device.address(self._grids[key])
 
     def get_state(self, i: int) -> dict[str, np.ndarray]:
         """Returns the state arrays of environment `i`, with kept layers in canonical order."""

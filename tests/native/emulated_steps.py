@@ -2,7 +2,8 @@
 
 python -m tests.native.emulated_steps LIBRARY TASK VARIATION STEPS
 
-TASK "arms" stands for an arm whose pads push a cloth.
+TASK "arms" stands for an arm whose pads push a cloth, "cloth" and "rope" for one on a mesh, a
+heightfield and others.
 """
 
 import ctypes
@@ -15,6 +16,7 @@ import softgym_mj
 from softgym_mj.batch.device import CpuDevice
 from softgym_mj.rendering.batch import Pictures, describe
 from tests.cloth import test_batch_arms as arms
+from tests.cloth import test_batch_grids as grids
 from tests.cloth import test_batch_solver as cloth
 from tests.fluid import test_batch_solver as water
 
@@ -73,6 +75,22 @@ def push_and_check(file, steps):
     raise AssertionError(f"{number} pushes")
 
 
+def lie_and_check(file, flex, steps):
+    """Makes the last of 30 sim steps of a flex on a mesh and a heightfield."""
+    pushed = grids.scene(flex, "several")
+    solver, emulated = pushed.solver(), pushed.solver(_Emulated(file))
+    for i in range(30):
+        if i == 30 - steps:
+            emulated.set_state(0, solver.get_state(0))
+        motion = pushed.push({})
+        solver.step(*grids.NONE, motion)
+        if i >= 30 - steps:
+            emulated.step(*grids.NONE, motion)
+            pushed.check(emulated)
+            assert emulated.solid_forces.any(axis=(0, 2)).all()
+    assert emulated.flags[0] == 0
+
+
 def draw_and_check(file, task, variation):
     """Draws a variation's start; the picture is that of the package's program."""
     env = softgym_mj.load(task, split="all", fidelity="fast")
@@ -92,6 +110,8 @@ if __name__ == "__main__":
     library, name, index, number = sys.argv[1:]
     if name == "arms":
         push_and_check(library, int(number))
+    elif name in grids.FLEXES:
+        lie_and_check(library, name, int(number))
     else:
         step_and_check(library, name, int(index), int(number))
         draw_and_check(library, name.partition("/")[0], int(index))

@@ -11,7 +11,12 @@ import tempfile
 import pytest
 
 from softgym_mj.native.caches import cache_folder
-from tests.native.emulated_steps import draw_and_check, push_and_check, step_and_check
+from tests.native.emulated_steps import (
+    draw_and_check,
+    lie_and_check,
+    push_and_check,
+    step_and_check,
+)
 
 SOURCE = pathlib.Path(__file__).with_name("emulated_gpu.cc")
 ROOT = SOURCE.parents[2]
@@ -60,6 +65,11 @@ def test_a_block_lets_hands_push_as_a_thread_does():
     push_and_check(_compile("-O1"), 3)
 
 
+@pytest.mark.parametrize("flex", ["cloth", "rope"])
+def test_a_block_lays_a_flex_on_meshes_as_the_plugin_does(flex):
+    lie_and_check(_compile("-O1"), flex, 3)
+
+
 @pytest.mark.parametrize("task", ["straighten_rope", "drop_cloth", "pour_water"])
 def test_a_block_draws_the_same(emulated, task):
     draw_and_check(emulated, task, 806)
@@ -77,7 +87,7 @@ def test_threads_of_a_block_do_not_race():
         "TSAN_OPTIONS": "exitcode=0",
         "PYTHONPATH": str(ROOT),
     }
-    for task, variation in [*CASES, ("arms", 803)]:
+    for task, variation in [*CASES, ("arms", 803), ("cloth", 0), ("rope", 0)]:
         command = [sys.executable, "-m", "tests.native.emulated_steps"]
         outcome = subprocess.run(
             [*command, file, task, str(variation), "1"], env=environment, cwd=ROOT,

@@ -23,6 +23,7 @@ constexpr int kAlign = 32;
 constexpr int kCandidatesOfVertex = 64, kFoundOfVertex = 48, kRowsOfVertex = 12;
 constexpr int kPointsOfSolid = 4096;    // A pad in a pile of four layers has some 2000.
 constexpr int kMostVertices = 1 << 13;  // Keys of pairs have 15 and 16 bits for their items.
+constexpr int kMostBytes = 1 << 30;     // Its size is an int.
 
 class Writer {
  public:
@@ -222,6 +223,9 @@ std::string Write(const mjModel* m, const Workspace& w, const std::vector<int>& 
   std::stable_sort(pushing.begin(), pushing.end(), [&](int a, int b) { return geoms[a] < geoms[b]; });
   model.order_at = write(pushing);
   model.first_solids_at = write(first_solids);
+  const SolidGrids grids = GridsOf(m, w.solids, solids);
+  model.grids_at = write(grids.grids);
+  model.nodes_of_at = write(grids.nodes_of);
   model.vertex_order_at = write(layers.vertex_order());
   model.triangle_order_at = write(layers.triangle_order());
   model.edge_order_by_place_at = write(layers.edge_order());
@@ -231,15 +235,19 @@ std::string Write(const mjModel* m, const Workspace& w, const std::vector<int>& 
   out->resize((out->size() + kAlign - 1) / kAlign * kAlign);
   model.size = static_cast<int>(out->size());
   std::memcpy(&(*out)[0], &model, sizeof(Model));
+  for (size_t i = 0; i < grids.nodes.size(); ++i) {
+    if (out->size() + grids.sizes[i] > kMostBytes) return "expected meshes and heightfields of at most 1 GB.";
+    out->append(reinterpret_cast<const char*>(grids.nodes[i]), grids.sizes[i]);
+  }
   return "";
 }
 
 }  // namespace
 }  // namespace softgym_mj::cloth
 
-// Writes the Model of a compiled mjModel, up to `capacity` bytes; mjData must have made a step. `ids`: geom ids of
-// grippers, or -1 for one that only holds, then -2 - id of solids. `room` scales the room for contacts. Returns the
-// size in bytes, or 0 after writing a message to `error`.
+// Writes the Model of a compiled mjModel and nodes of grids, up to `capacity` bytes; mjData must have made a step.
+// `ids`: geom ids of grippers, or -1 for one that only holds, then -2 - id of solids. `room` scales the room for
+// contacts. Returns the size in bytes, or 0 after writing a message to `error`.
 SGM_EXPORT int softgym_mj_cloth_batch_model(const mjModel* m, const mjData* d, const int* ids, int num_ids, double room,
                                             char* out, int capacity, char* error, int error_size) {
   using namespace softgym_mj::cloth;

@@ -1,5 +1,5 @@
-// Model of a batch: the constants of one flex, of grippers, solids and the floor, as bytes without pointers, which a
-// GPU can read, too.
+// Model of a batch: the constants of one flex, of grippers, solids and the floor, as bytes that a GPU can read, too.
+// Their only pointers are those of grids. Arrays of nodes follow the bytes until a batch has stored each once.
 
 #ifndef SOFTGYM_MJ_CLOTH_BATCH_MODEL_H_
 #define SOFTGYM_MJ_CLOTH_BATCH_MODEL_H_
@@ -67,6 +67,7 @@ struct Model {
   int trees_at;                    // (bodies,) Kinematic tree of each body; bodies of one tree push each other.
   int solids_at, first_solids_at;  // (grippers + solids,) `Solid`; (bodies,) the first one of each body.
   int order_at;                    // (grippers + solids,) Indices in the order of their geoms, in which they push.
+  int grids_at, nodes_of_at;       // (grippers + solids,) `Grid`, and the index of its nodes, or -1.
 
   template <class T>
   const T* At(int place) const {

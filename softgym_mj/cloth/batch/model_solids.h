@@ -10,6 +10,7 @@
 
 #include "cloth/batch/model.h"
 #include "cloth/plugin/mesh.h"
+#include "cloth/plugin/solids.h"
 
 namespace softgym_mj::cloth {
 
@@ -17,6 +18,15 @@ namespace softgym_mj::cloth {
 // Returns "" or what is expected.
 std::string FillSolids(const mjModel* m, const Mesh& mesh, const std::vector<int>& geoms, int grippers,
                        std::vector<Solid>* solids, std::vector<int>* first, std::vector<int>* trees);
+
+// Grids of meshes and heightfields among solids.
+struct SolidGrids {
+  std::vector<Grid> grids;          // Of each solid, without nodes,
+  std::vector<int> nodes_of;        // and the index of its nodes, or -1.
+  std::vector<const float*> nodes;  // Arrays of nodes, each once,
+  std::vector<long long> sizes;     // and their sizes [bytes].
+};
+SolidGrids GridsOf(const mjModel* m, const Solids& plugin, const std::vector<Solid>& solids);
 
 }  // namespace softgym_mj::cloth
 

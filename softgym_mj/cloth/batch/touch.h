@@ -119,6 +119,7 @@ inline void StartTouch(const Environment& w, int t) {
   const int own = kSolids ? t - m.grippers : -1;
   Once([&] {
     touch->geom.shape = solid.shape;
+    if (HasGrid(touch->geom)) touch->geom.grid = m.At<Grid>(m.grids_at)[t];
     touch->small = !solid.is_static && body.rigid.gives_way && solid.bound < kSmall;
     touch->fixed = touch->small || (own >= 0 && w.step->fastest >= kHasty);
     const double unturned[4] = {1, 0, 0, 0};

@@ -4,6 +4,7 @@
 #define SOFTGYM_MJ_CLOTH_GRIDS_H_
 
 #include "cloth/plugin/kernels.h"
+#include "cloth/plugin/method.h"
 #include "cloth/plugin/search.h"
 #include "cloth/plugin/sweeps.h"
 #include "native/shapes.h"
@@ -12,11 +13,6 @@
 namespace softgym_mj::cloth {
 namespace {
 
-#ifdef __CUDACC__
-constexpr bool kGrids = false;  // Batches refuse these shapes.
-#else
-constexpr bool kGrids = true;
-#endif
 constexpr int kAround[] = {0, 1, 3, 4, 6, 7};  // Of the eight triangles of four cells those that contain the middle.
 constexpr float kTie = 1e-5f;        // [m] Corners of a triangle this equally near to a plane surface count as equal.
 constexpr float kOnSurface = 1e-5f;  // [m] Nearer points use the normal of the triangle below.

@@ -5,14 +5,19 @@
 
 #include <cstdint>
 
-// A GPU's program without solids and bodies that give way is shorter: its instructions take less time to read.
+// A GPU's program without solids and bodies that give way is shorter: its instructions take less time to read. So is
+// one without meshes and heightfields.
 #ifndef SGM_SOLIDS
 #define SGM_SOLIDS 1
+#endif
+#ifndef SGM_GRIDS
+#define SGM_GRIDS SGM_SOLIDS
 #endif
 
 namespace softgym_mj::cloth {
 
 constexpr bool kSolids = SGM_SOLIDS;  // False if nothing but grippers touches the flex.
+constexpr bool kGrids = SGM_GRIDS;    // False if no mesh and no heightfield touches the flex.
 // [m] The reference position of a vertex follows only if it is further away than this; other vertices count as at rest.
 // Without this hysteresis the normals of a pile jitter and it never comes to rest.
 constexpr double kHysteresis = 5e-4;

@@ -95,8 +95,7 @@ void Solids::Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cl
     active.body = body ? static_cast<int>(body - bodies_.all().data()) : -1;
     active.small = body && body->gives_way && m->geom_rbound[g] < kSmall;
     active.view.shape = ShapeOf(m, g);
-    if (active.view.shape == Shape::kMesh) active.view.grid = grids_[g]->grid;
-    if (active.view.shape == Shape::kHeights) active.view.grid = HeightsOf(m, g);
+    active.view.grid = GridOf(m, g);
     CopySize(m, g, active.view.size);
     for (int k = 0; k < 3; ++k) active.offset[k] = center[k] - (body ? body->center[k] : 0);
     mju_copy(active.matrix, d->geom_xmat + 9 * g, 9);
@@ -204,6 +203,11 @@ void Solids::MakeBlocks(const Mesh& mesh, const std::vector<Row>& rows, Active* 
     block.friction[lane] = static_cast<float>(Friction(m_, active->geom, mesh.flexes[part]));
     block.radius[lane] = static_cast<float>(active->small ? std::min(kThin, mesh.radius[part]) : mesh.radius[part]);
   }
+}
+
+Grid Solids::GridOf(const mjModel* m, int geom) const {
+  const Shape shape = ShapeOf(m, geom);
+  return shape == Shape::kMesh ? grids_[geom]->grid : shape == Shape::kHeights ? HeightsOf(m, geom) : Grid{};
 }
 
 void Solids::Move() { bodies_.Move(); }

@@ -61,6 +61,8 @@ class Solids {
 
   // Whether all rows were found: some are left out if too many features are near too many solids.
   bool complete() const { return complete_; }
+  // Grid of a mesh that may touch a flex, or of a heightfield; empty for other geoms.
+  Grid GridOf(const mjModel* m, int geom) const;
   Bodies& bodies() { return bodies_; }
   const std::vector<Contact>& contacts() const { return contacts_; }
   // Ends a step: moves bodies and stores contacts.
