@@ -132,7 +132,7 @@ class ProcessExecutor(Executor):
                 if isinstance(error, BrokenProcessPool):
                     raise error
                 if error is None:
-                    yield futures[future], future.result()
+                    yield futures.pop(future), future.result()
                 else:
                     failure = failure or error
                     _cancel(futures)

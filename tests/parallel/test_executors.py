@@ -6,7 +6,9 @@ import signal
 import subprocess
 import sys
 import time
+import weakref
 
+import numpy as np
 import pytest
 
 from softgym_mj.exceptions import InvalidArgumentError, SimulationError
@@ -66,6 +68,14 @@ def test_results_come_in_order_whoever_computes_them(executor: Executor):
     assert executor.all(square, [(i,) for i in range(9)]) == [i * i for i in range(9)]
     assert sorted(executor.results(square, [(2,), (3,)])) == [(0, 4), (1, 9)]
     assert executor.all(square, []) == []
+
+
+def test_results_are_not_kept(executor: Executor):
+    seen = []
+    for _, array in executor.results(np.zeros, [(3,)] * 5):
+        assert [reference() is None for reference in seen[:-1]] == [True] * (len(seen) - 1)
+        seen.append(weakref.ref(array))
+    assert len(seen) == 5
 
 
 def test_the_error_of_a_call_comes_after_what_had_begun(executor: Executor, tmp_path):
