@@ -124,20 +124,22 @@ class InitialStateCache:
         pickled = cloudpickle.dumps((self._make, type(self._physics), self._cameras.observed))
         # Scenes of images have textures, which are larger than the states.
         files = None if self._cameras.observed else start_files(pickled, type(self._env.task))
-        found = {}
+        # Placed as they come: of a mesh, each brings a grid of up to 8 MB, and all share the first.
+        rows = {}
         if files is not None:
             stored = [v for v in missing if files.has(v)]
             with ThreadPoolExecutor(num_cores()) as threads:  # Decompression releases the GIL.
-                found = dict(zip(stored, threads.map(files.get, stored), strict=True))
-        new = [v for v in missing if v not in found]
+                found = map(self._row, threads.map(files.get, stored))
+                rows = dict(zip(stored, found, strict=True))
+        new = [v for v in missing if v not in rows]
         shares = [new[i : i + _SHARE] for i in range(0, len(new), _SHARE)]
         with make_executor(max(min(num_cores(), len(shares)), 1)) as executor:
             calls = [(pickled, files, share) for share in shares]
             for i, values in executor.results(read_starts, calls):
-                found |= zip(shares[i], values, strict=True)
+                rows |= zip(shares[i], map(self._row, values), strict=True)
         # Put together: a GPU gets one array per name instead of a small one per variation.
         first = len(self._known)
-        self.rows.put_all(first, [self._row(found[v]) for v in missing])
+        self.rows.put_all(first, [rows[v] for v in missing])
         self._known.update(zip(missing, range(first, first + len(missing)), strict=True))
 
     def row(self, variation: int) -> int:
