@@ -32,6 +32,13 @@ MANY, _SHARE = 64, 8  # Initial states from which several processes read, and re
 SOON = 4  # Episodes per environment within which most variations occur.
 
 
+def _moving_bodies(env: Environment, physics: BatchPhysics) -> list[str]:
+    """Returns names of bodies with joints that belong neither to an object nor to the actor."""
+    model = env.physics.model.ptr
+    known = {*physics.movers(), *model.flex_vertbodyid.tolist()}
+    return [model.body(i).name for i in sorted({*model.jnt_bodyid.tolist()} - known)]
+
+
 def read(env: Environment, physics: BatchPhysics, cameras: Cameras) -> dict[str, Any]:
     """Returns an environment's state as a row of `InitialStateCache`, in NumPy arrays."""
     task = env.task
@@ -110,6 +117,8 @@ class InitialStateCache:
                 raise cpu_only(f"task={env.name!r}, whose class defines {method},")
         if env.task.counts_intersections:
             raise cpu_only("count_intersections=True")
+        if others := _moving_bodies(env, physics):
+            raise cpu_only(f"task={env.name!r}, whose scene has moving bodies {others},")
         self._env, self._physics, self._cameras, self._make = env, physics, cameras, make
         self.rows = PaddedRows(1, device)
         self._known: dict[Any, int] = {}
