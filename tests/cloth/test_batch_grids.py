@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from softgym_mj.batch.device import CpuDevice
+from softgym_mj.batch.gpu import GRIDS, SOLIDS
 from softgym_mj.cloth.batch_solver import ClothBatchSolver, describe
 from softgym_mj.exceptions import InvalidArgumentError
 from tests.cloth.flex_scene import WOVEN, rope, sheet, straight
@@ -37,9 +38,13 @@ def scene(flex: str, ground: str, **settings) -> Pushed:
 
 
 class Counting(CpuDevice):
-    """Counts the bytes that it has."""
+    """Counts the bytes that it has, and notes the kernel of the last step."""
 
-    size = 0
+    size, variant = 0, ""
+
+    def step(self, kind, batch, num_slots, size, variant=""):
+        super().step(kind, batch, num_slots, size, variant)
+        self.variant = variant
 
     def zeros(self, shape, dtype):
         array = super().zeros(shape, dtype)
@@ -103,6 +108,20 @@ def test_environments_share_one_copy_of_a_grid(ground, least, most):
     """It is all that a mesh or heightfield needs more than a sphere: 9 x 11 floats, or 4 a node."""
     alone, five = (memory_of(ground, number) - memory_of("ball", number) for number in (1, 5))
     assert least <= alone == five <= most
+
+
+def test_the_kernel_with_grids_is_used_from_the_first_one_on():
+    """A CUDA graph of the other kernel counts as outdated."""
+    device, scenes = Counting(), {name: scene("rope", name) for name in ("ball", "mesh")}
+    solver, found = scenes["ball"].solver(device), []
+    for name in ("ball", "mesh", "ball"):
+        solver.start(0, describe(scenes[name].model, [], solids=scenes[name].solids))
+        solver.step(*NONE, scenes[name].push({}))
+        found.append((device.variant, solver.grown))
+    (first, before), *others = found
+    assert first == SOLIDS
+    assert others == [(GRIDS, others[0][1])] * 2
+    assert others[0][1] > before
 
 
 def test_grids_that_do_not_fit_are_refused():
