@@ -131,24 +131,31 @@ def find_preset(
         part: {key: value for layer in layers for key, value in layer.get(part, {}).items()}
         for part in ("training", "method")
     }
-    names = {
-        "training": {field.name for field in dataclasses.fields(TrainingSettings)} - {"task"},
-        "method": {field.name for field in dataclasses.fields(method_class)},
+    defaults = {
+        "training": _defaults(TrainingSettings, "task"),
+        "method": _defaults(method_class),
     }
+    changed = set()
     for key, value in replaced.items():
-        parts = [part for part in names if key in names[part]]
+        parts = [part for part in defaults if key in defaults[part]]
         if not parts:
-            raise InvalidArgumentError("settings", key, sorted(names["training"] | names["method"]))
-        result[parts[0]][key] = value
+            valid = sorted({*defaults["training"], *defaults["method"]})
+            raise InvalidArgumentError("settings", key, valid)
+        own = result[parts[0]]
+        if _tuples(own.get(key, defaults[parts[0]][key])) != _tuples(value):
+            changed.add(key)
+        own[key] = value
     if "part" not in replaced:
         _fit_part(result["training"])
     method = find_method(name, **{key: _tuples(value) for key, value in result["method"].items()})
-    training = TrainingSettings(task, **result["training"])
-    own = {key: value for key, value in replaced.items() if key in LABELED}
-    as_preset = training, dataclasses.replace(method, preset=preset)
-    if own == replaced or find_preset(name, preset, task, **own) == as_preset:
-        return as_preset
-    return training, dataclasses.replace(method, preset="custom")
+    named = preset if LABELED.issuperset(changed) else "custom"
+    return TrainingSettings(task, **result["training"]), dataclasses.replace(method, preset=named)
+
+
+def _defaults(settings: type, *without: str) -> dict[str, Any]:
+    """Returns the defaults of a dataclass by name."""
+    fields = dataclasses.fields(settings)
+    return {field.name: field.default for field in fields if field.name not in without}
 
 
 def _fit_part(training: dict[str, Any]) -> None:
@@ -157,7 +164,7 @@ def _fit_part(training: dict[str, Any]) -> None:
     It stays as it is if less than half would be left, since each part ends with an evaluation, or
     for values of a wrong type; `TrainingSettings` then raises the error.
     """
-    defaults = {field.name: field.default for field in dataclasses.fields(TrainingSettings)}
+    defaults = _defaults(TrainingSettings)
     values = (training.get(name, defaults[name]) for name in ("env_steps", "part", "num_envs"))
     env_steps, part, num_envs = values
     if not all(type(value) is int and value > 0 for value in (env_steps, part, num_envs)):
