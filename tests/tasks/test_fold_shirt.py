@@ -161,6 +161,16 @@ def test_the_expert_folds_shirts_and_dresses_without_crossing_layers(variation, 
     assert env.task.shirt.points()[:, 2].max() < STACK
 
 
+@pytest.mark.parametrize(
+    ("actor", "variation"),
+    [
+        ("sawyer", 920),  # Two hands at one cuff block each other: 0.2.
+    ],
+)
+def test_arms_fold_shirts(actor, variation):
+    assert play(variation, actor=actor).info()["normalized_performance"] > 0.8
+
+
 def test_a_snapshot_of_other_cuts_is_refused(env):
     with pytest.raises(SnapshotError, match="cuts"):
         softgym_mj.load("fold_shirt", split="all", cuts="unseen").set_state(env.get_state())

@@ -1,10 +1,12 @@
-"""Expert of FoldShirt: folds each sleeve in by the ends of its cuff, then the hem over by its ends.
+"""Expert of FoldShirt: folds each sleeve in by its cuff, then the hem over by its ends.
 
-Both grippers carry together what they hold, in half circles.
+Grippers carry what they hold in half circles. Pickers fold a sleeve by both ends of its cuff. Arms
+do not reach the cuff on the other side: each folds its own sleeve by the outer end of the cuff,
+while the other one keeps aside. Then both fold the hem.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -34,17 +36,28 @@ class FoldShirt(ClothExpert):
     def _episode(self) -> Iterator[np.ndarray]:
         shape, flat = self._target.arrays, self._env.task.episode.points["shirt"][:, :2]
         keys = shape["keys"].tolist()
-        with_sleeves = with_sleeves_in(flat, shape)
-        for ends in (keys[1:3], keys[8:10]):
-            yield from self._fold(ends, with_sleeves)
-        yield from self._fold([keys[0], keys[-1]], folded(flat, shape))
+        with_sleeves, places = with_sleeves_in(flat, shape), folded(flat, shape)
+        if self._has_arms:
+            for i, outer in self._pair(keys[2], keys[8]).items():
+                yield from self._fold({i: outer}, with_sleeves)
+        else:
+            for ends in (keys[1:3], keys[8:10]):
+                yield from self._fold(self._pair(*ends), with_sleeves)
+        yield from self._fold(self._pair(keys[0], keys[-1]), places)
 
-    def _fold(self, ends: Sequence[int], places: np.ndarray) -> Iterator[np.ndarray]:
-        """Carries two vertices to their `places` (n, 2) [m] and releases them.
+    def _pair(self, first: int, second: int) -> dict[int, int]:
+        """Returns two vertices by the gripper that takes them."""
+        return dict(enumerate(self._matched([first, second])))
 
-        A vertex that is grasped instead is carried to its own place.
+    def _fold(self, targets: dict[int, int], places: np.ndarray) -> Iterator[np.ndarray]:
+        """Carries vertices, `targets` by gripper, to their `places` (n, 2) [m] and releases them.
+
+        Arms take the nearest vertex in reach instead. A vertex that is grasped instead is carried
+        to its own place.
         """
-        targets, grips = dict(enumerate(self._matched(ends))), [False, False]
+        if self._has_arms:
+            targets = {i: self._exposed_near([v], i) for i, v in targets.items()}
+        grips = [False, False]
         for _ in range(TRIALS):
             left = {i: vertex for i, vertex in targets.items() if not grips[i]}
             if left:
@@ -67,5 +80,7 @@ class FoldShirt(ClothExpert):
         for angle in np.linspace(0.0, np.pi, ARC)[1:]:
             way = middle - math.cos(angle) * half
             way[:, 2] += math.sin(angle) * np.linalg.norm(half[:, :2], axis=1)
+            for i in (i for i, grip in enumerate(grips) if not grip):
+                way = self._aside(way, i)
             near = ARRIVED if angle == np.pi else PASSED / 2
             yield from self._move(way, grips, SPEED, near)
