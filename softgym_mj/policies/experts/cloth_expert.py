@@ -25,6 +25,8 @@ LIFT = 0.8  # Fraction of full speed while cloth is carried.
 class ClothExpert(PickerExpert):
     """Expert for a sheet: grid distances, flat positions, and grasps of vertices."""
 
+    closing = 1  # Env steps for which a hand that has arrived closes.
+
     def __init__(self, env: Environment):
         """Binds the expert, as `PickerExpert`."""
         super().__init__(env)
@@ -80,7 +82,8 @@ class ClothExpert(PickerExpert):
             yield from self._move(goals, grips, near=near)
         for i in targets:
             grips[i] = True
-        yield self._step(goals, grips)
+        for _ in range(self.closing if self._has_arms else 1):
+            yield self._step(goals, grips)
         for i, vertex in targets.items():
             held = int(self._actor.held[i])
             grips[i] = bool(held >= 0 and self._steps(held, vertex) <= away)

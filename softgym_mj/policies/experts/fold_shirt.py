@@ -22,12 +22,15 @@ SPEED = 0.5  # Fraction of full speed.
 WAITING = 2  # Env steps for layers to come to rest before and after a release.
 TRIALS = 2  # Grasps of a vertex.
 LAYERS = 4  # Layers below what is folded over, at least.
+# Env steps for which hands close: a UR5e, which stops 3 mm above its lowest point, takes a vertex
+# on the floor only after it has come to rest there.
+CLOSING = 3
 
 
 class FoldShirt(ClothExpert):
     """Carries ends of cuffs and of the hem to their places."""
 
-    brakes = True
+    brakes, closing = True, CLOSING
 
     def _steps(self, a: int, b: int) -> int:
         spacing = float(np.median(self._target.rest_lengths))
