@@ -167,6 +167,7 @@ def test_the_expert_folds_shirts_and_dresses_without_crossing_layers(variation, 
         ("sawyer", 920),  # Two hands at one cuff block each other: 0.2.
         # A hand that closes before it rests misses the floor by 2 mm: 0.3.
         pytest.param("ur5e", 940, marks=pytest.mark.long),
+        pytest.param("franka", 111, marks=pytest.mark.long),  # The hem springs open: 0.7.
     ],
 )
 def test_arms_fold_shirts(actor, variation):

@@ -2,7 +2,7 @@
 
 Grippers carry what they hold in half circles. Pickers fold a sleeve by both ends of its cuff. Arms
 do not reach the cuff on the other side: each folds its own sleeve by the outer end of the cuff,
-while the other one keeps aside. Then both fold the hem.
+while the other one keeps aside. Then both fold the hem, again if it springs open.
 """
 
 import math
@@ -10,7 +10,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from softgym_mj.policies.experts.cloth_expert import TRAVEL_HEIGHT, ClothExpert
+from softgym_mj.native.arithmetic import length
+from softgym_mj.policies.experts.cloth_expert import MISPLACED, TRAVEL_HEIGHT, ClothExpert
 from softgym_mj.policies.experts.picker_expert import ARRIVED, OPEN, PASSED
 from softgym_mj.tasks.fold_shirt import folded, with_sleeves_in
 
@@ -46,7 +47,12 @@ class FoldShirt(ClothExpert):
         else:
             for ends in (keys[1:3], keys[8:10]):
                 yield from self._fold(self._pair(*ends), with_sleeves)
-        yield from self._fold(self._pair(keys[0], keys[-1]), places)
+        hem = self._pair(keys[0], keys[-1])
+        yield from self._fold(hem, places)
+        away = self._target.points()[:, :2] - places
+        opened = {i: vertex for i, vertex in hem.items() if length(away[vertex]) > MISPLACED}
+        if self._has_arms and opened:
+            yield from self._fold(opened, places)
 
     def _pair(self, first: int, second: int) -> dict[int, int]:
         """Returns two vertices by the gripper that takes them."""
