@@ -262,6 +262,12 @@ def task_names(suite: str) -> tuple[str, ...]:
     return tuple(name for name, record in TASKS.items() if record.suite == suite)
 
 
+def by_softgym_name() -> dict[str, TaskRecord]:
+    """Returns the records of SoftGym's tasks by their names there."""
+    shipped = [each for each in TASKS.values() if each.suite == DOMAIN and not each.is_custom]
+    return {str(record.resolve().softgym_name): record for record in shipped}
+
+
 def find(task: str | TaskRecord) -> TaskRecord:
     """Returns the record of a task.
 
@@ -276,10 +282,8 @@ def find(task: str | TaskRecord) -> TaskRecord:
     if isinstance(task, TaskRecord):
         return task
     if not isinstance(task, str) or ":" not in task:
-        if isinstance(task, str) and task not in TASKS:
-            shipped = [record for record in TASKS.values() if not record.is_custom]
-            if new := {r.resolve().softgym_name: r.name for r in shipped}.get(task):
-                raise InvalidArgumentError(f"task={task!r} is SoftGym's name of the task {new!r}")
+        if isinstance(task, str) and task not in TASKS and (new := by_softgym_name().get(task)):
+            raise InvalidArgumentError(f"task={task!r} is SoftGym's name of the task {new.name!r}")
         check_name("task", task, (*TASKS, "MODULE:NAME"))
         return TASKS[task]
     module, name = task.split(":", 1)

@@ -23,8 +23,7 @@ from softgym_mj.variations.indices import NUM_VARIATIONS
 
 TRAIN_SHARE = 0.8  # Share of the variations for training; the others are for evaluation.
 UNLIMITED = 10**9  # Horizon in env steps: SoftGym continues after an episode is done.
-_SHIPPED = [r for r in registry.TASKS.values() if r.suite == registry.DOMAIN and not r.is_custom]
-RECORDS = {record.resolve().softgym_name: record for record in _SHIPPED}
+RECORDS = registry.by_softgym_name()
 
 
 def _of_cloth(task: Any) -> dict[str, Any]:
