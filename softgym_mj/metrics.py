@@ -201,6 +201,11 @@ def particles(shape: Mapping[str, Array], points: Array) -> Array:
     return xp.einsum("...jr,...rik->...jik", shape["by_row"], across)
 
 
+def particle_counts(shape: Mapping[str, Array]) -> Array:
+    """Returns 1 for each of SoftGym's particles of a cloth, 0 for padding (..., n)."""
+    return flat(shape["rows"][..., :, None] * shape["columns"][..., None, :])
+
+
 def goal_distance(shape: Mapping[str, Array], points: Array, goal: Array) -> Array:
     """Returns the mean distance (...) [m] of a cloth's particles from their goal positions.
 
@@ -209,8 +214,7 @@ def goal_distance(shape: Mapping[str, Array], points: Array, goal: Array) -> Arr
         goal: (..., dimy, dimx, 3) [m].
     """
     away = lengths(particles(shape, points) - goal)
-    counts = shape["rows"][..., :, None] * shape["columns"][..., None, :]
-    return mean(flat(away), flat(counts))
+    return mean(flat(away), particle_counts(shape))
 
 
 def fold(shape: Mapping[str, Array], points: Array, goal: Array) -> Measures:

@@ -154,9 +154,8 @@ def across(shape: Mapping[str, Array], points: Array, bar: Array) -> Across:
         bar: as in `hanging`.
     """
     sheet = metrics.particles(shape, points)
-    counts = metrics.flat(shape["rows"][..., :, None] * shape["columns"][..., None, :])
     aside = metrics.flat(sheet[..., 0]) - bar[..., 0, None]
-    return Across(aside, metrics.flat(sheet[..., 2]), counts)
+    return Across(aside, metrics.flat(sheet[..., 2]), metrics.particle_counts(shape))
 
 
 def hanging(particles: Across, bar: Array) -> tuple[Array, Array]:
