@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
+from softgym_mj.learning.curves import named
 from softgym_mj.learning.learner import Method
 from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.policies.exported import has_images
@@ -126,7 +127,7 @@ def find_preset(
         InvalidArgumentError: for an unknown name or a bad value.
     """
     method_class, _, presets = _find(name)
-    layers = _layers(presets, preset, task, str(replaced.get("observation")))
+    layers = _layers(presets, preset, task, named(replaced.get("observation")))
     result = {
         part: {key: value for layer in layers for key, value in layer.get(part, {}).items()}
         for part in ("training", "method")
@@ -148,8 +149,8 @@ def find_preset(
     if "part" not in replaced:
         _fit_part(result["training"])
     method = find_method(name, **{key: _tuples(value) for key, value in result["method"].items()})
-    named = preset if LABELED.issuperset(changed) else "custom"
-    return TrainingSettings(task, **result["training"]), dataclasses.replace(method, preset=named)
+    label = preset if LABELED.issuperset(changed) else "custom"
+    return TrainingSettings(task, **result["training"]), dataclasses.replace(method, preset=label)
 
 
 def _defaults(settings: type, *without: str) -> dict[str, Any]:
@@ -186,7 +187,7 @@ def _check_sizes(settings: Any) -> None:
 
 
 def _layers(
-    presets: Mapping[str, Any], preset: str, task: str, observation: str
+    presets: Mapping[str, Any], preset: str, task: str, observation: str | None
 ) -> list[dict[str, Any]]:
     """Returns parts of presets in order; later ones override earlier ones."""
     check_name("preset", preset, presets)

@@ -23,6 +23,7 @@ from softgym_mj.learning.settings import OBSERVATIONS, TrainingSettings
 from softgym_mj.learning.training import Training
 from softgym_mj.policies.exported import observes
 from softgym_mj.policies.factory import make_policy
+from softgym_mj.robots.gripper import HELD
 
 SEEDS = [4, 9]
 METHOD = find_method(
@@ -204,7 +205,8 @@ def test_sections_of_presets_are_of_tasks_and_observations(method):
     for preset in presets.values():
         assert preset.pop("based_on", "paper") in {*presets, "paper"}
         observations = preset.pop("observations", {})
-        assert set(observations) <= set(OBSERVATIONS)
+        names = {name for observed in observations for name in observed.split("+")}
+        assert names <= {*OBSERVATIONS, HELD}
         for layer in (preset, *observations.values()):
             tasks = layer.pop("tasks", {})
             assert set(tasks) <= set(softgym_mj.TASKS)
