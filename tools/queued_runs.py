@@ -29,7 +29,7 @@ class QueuedRun:
         seeds: Number of seeds, 0..seeds - 1.
         why: Purpose of the run.
         settings: Values of --settings; options of `evaluate` for a planner.
-        teacher: Name of distill's teacher in docs/results/policies.
+        teacher: Teacher of distill: a name in docs/results/policies, or "module:function".
         env_steps: Env steps that a planner simulates in an episode.
         episodes: Number of held-out episodes of the last evaluation.
         device: Device of the training.
