@@ -1,6 +1,7 @@
 """`BatchSolver`: steps many environments together by a kernel of the library, without MuJoCo."""
 
 import ctypes
+import hashlib
 from collections.abc import Mapping
 from typing import Any
 
@@ -137,7 +138,7 @@ class BatchSolver:
         if not fits or any(counts[name] != self._sizes[name] for name in self.exact):
             raise InvalidArgumentError("model", counts, f"within {self._sizes}")
         model = self._shared(model)
-        key = model.tobytes()
+        key = hashlib.sha256(model.data).digest()
         if key in self._loaded:
             return self._loaded[key][0]
         needed = np.zeros(2, np.int64)
