@@ -4,9 +4,13 @@ import contextlib
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from softgym_mj.batch.device import Device
 from softgym_mj.metrics import Array
 from softgym_mj.tasks.shared.state import stack
+
+_TOGETHER = 64  # Rows that are copied to a device at a time, through buffers of some megabytes.
 
 
 class PaddedRows:
@@ -27,6 +31,7 @@ class PaddedRows:
             device: Device of the arrays.
         """
         self._number, self._device = number, device
+        self._used = 0  # Rows from here on are zeros.
         self.whole: dict[str, Any] = {}
         self.grown = 0
 
@@ -38,17 +43,33 @@ class PaddedRows:
         """Sets rows from `first` on, with one array per name for the device."""
         while first + len(rows) > self._number:
             self._number *= 2
-        self._put(self.whole, slice(first, first + len(rows)), stack(rows))
+        self._put(self.whole, first, rows)
+        self._used = max(self._used, first + len(rows))
 
-    def _put(self, whole: dict[str, Any], at: slice, rows: Mapping[str, Any]) -> None:
-        for name, array in rows.items():
-            if isinstance(array, dict):
-                self._put(whole.setdefault(name, {}), at, array)
+    def _put(self, whole: dict[str, Any], first: int, rows: Sequence[Mapping[str, Any]]) -> None:
+        for name in rows[0]:
+            values = [row[name] for row in rows]
+            if isinstance(values[0], dict):
+                self._put(whole.setdefault(name, {}), first, values)
                 continue
-            shape = array.shape[1:]
-            whole[name] = self._grown(whole.get(name), shape, array.dtype.name)
-            whole[name][at] = 0
-            whole[name][(at, *map(slice, shape))] = self._device.put(array)
+            arrays = [np.asarray(value) for value in values]
+            shape = tuple(map(max, zip(*(array.shape for array in arrays), strict=True)))
+            whole[name] = self._grown(whole.get(name), shape, arrays[0].dtype.name)
+            if first < self._used:
+                whole[name][first : first + len(rows)] = 0
+            self._fill(whole[name][first : first + len(rows)], arrays)
+
+    def _fill(self, rows: Array, arrays: Sequence[np.ndarray]) -> None:
+        """Copies arrays into rows of zeros; padding is not written on this processor."""
+        if isinstance(rows, np.ndarray):
+            for i, array in enumerate(arrays):
+                own: tuple[Any, ...] = (i, *map(slice, array.shape))
+                rows[own] = array
+            return
+        for i in range(0, len(arrays), _TOGETHER):
+            some = stack(arrays[i : i + _TOGETHER])
+            at = slice(i, i + len(some)), *map(slice, some.shape[1:])
+            rows[at] = self._device.put(some)
 
     def _grown(self, whole: Array | None, shape: tuple[int, ...], dtype: str) -> Array:
         """Returns an array whose rows have at least `shape`, with the old content."""
