@@ -1,10 +1,24 @@
 """`MeshDistances`: distances of vertices along the edges of a mesh."""
 
 import functools
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse
 import scipy.sparse.csgraph
+
+
+class PairDistances(NamedTuple):
+    """Distances of all pairs of vertices.
+
+    Attributes:
+        indices: index into `distances` of vertices i >= j, at i (i + 1) / 2 + j
+            (num_points (num_points + 1) / 2,), of the smallest unsigned type.
+        distances: different distances, ascending [m]; a sheet has few.
+    """
+
+    indices: np.ndarray
+    distances: np.ndarray
 
 
 class MeshDistances:
@@ -34,11 +48,11 @@ class MeshDistances:
             )
         return float(self._from[start][end])
 
-    def all(self) -> np.ndarray:
-        """Returns the distances of all pairs (num_points, num_points) [m]."""
-        return self._all
-
     @functools.cached_property
-    def _all(self) -> np.ndarray:
-        distances = np.triu(scipy.sparse.csgraph.dijkstra(self._mesh, directed=False))
-        return np.maximum(distances, distances.T)
+    def pairs(self) -> PairDistances:
+        """Distances of all pairs."""
+        # The upper triangle: rounding depends on the direction.
+        distances = scipy.sparse.csgraph.dijkstra(self._mesh, directed=False).T
+        each = distances[np.tril_indices(len(distances))]
+        different, indices = np.unique(each, return_inverse=True)
+        return PairDistances(indices.astype(np.min_scalar_type(len(different))), different)

@@ -62,16 +62,18 @@ def test_few_environments_and_given_variations_read_what_they_play(monkeypatch):
     envs.close()
 
 
-def test_ways_of_all_meshes_stay_where_they_are_found():
-    """Path lengths of several meshes equal those of each mesh alone."""
+def test_distances_of_all_meshes_stay_where_they_are_found():
+    """Distances of vertices of several meshes equal those of each mesh alone."""
     envs = softgym_mj.make_vec("fold_cloth", 5, device="host", split="train", fidelity="fast")
     envs.reset(options={"variation": [*range(5)]})
     physics = envs.backend._physics
-    assert isinstance(physics, ClothBatch) and len({*physics.state["ways_at"].tolist()}) == 5
-    for i, first in enumerate(physics.state["ways_at"].tolist()):
-        env = softgym_mj.load("fold_cloth", split=[i], fidelity="fast")
-        env.reset(i)
-        number = env.task.flexes.flexes[0].num_points
-        own = physics._ways[first : first + number**2].reshape(number, number)
-        assert own[3, 7] == own[7, 3] == env.task.flexes.flexes[0].mesh_distances.between(3, 7)
+    assert isinstance(physics, ClothBatch)
+    first = physics.state["pairs_at"]
+    assert len({*first.tolist()}) == 5
+    for a, b in ((3, 7), (7, 3), (20, 20), (0, 30)):
+        found = physics._distances.between(first, np.full(5, a), np.full(5, b))
+        for i, distance in enumerate(found.tolist()):
+            env = softgym_mj.load("fold_cloth", split=[i], fidelity="fast")
+            env.reset(i)
+            assert distance == env.task.flexes.flexes[0].mesh_distances.between(a, b)
     envs.close()

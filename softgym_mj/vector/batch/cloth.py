@@ -18,6 +18,7 @@ from softgym_mj.robots.picker import Picker
 from softgym_mj.tasks.shared.base import Task
 from softgym_mj.tasks.shared.state import State
 from softgym_mj.vector.batch import static_solids
+from softgym_mj.vector.batch.distance_tables import DistanceTables
 from softgym_mj.vector.batch.physics import Arrays, BatchPhysics
 from softgym_mj.vector.batch.pick_and_place import PickAndPlaceBatch
 from softgym_mj.vector.batch.pickers import PickerBatch
@@ -60,11 +61,7 @@ class ClothBatch(BatchPhysics):
         self._solver = ClothBatchSolver(*sizes, *self._solids(), self._notes_pushes)
         self.flags, self.state = self._solver.flags, self._solver.rows()
         self._pickers: PickerBatch = self._grips(num_envs)
-        # Path lengths (`Ways.all`) of all meshes so far, the first index of each mesh, and the
-        # first free index.
-        self._ways = device.zeros((1,), "float64")
-        self._ways_at: dict[bytes, int] = {}
-        self._ways_end = 0
+        self._distances = DistanceTables(device)
 
     def _check(self, task: Task) -> None:
         """Raises `InvalidArgumentError` if the actor is not supported."""
@@ -95,7 +92,7 @@ class ClothBatch(BatchPhysics):
     @property
     def changed(self) -> int:  # type: ignore[override]
         """Number of times that arrays outside `state` have been replaced."""
-        return len(self._ways) + self._solver.grown
+        return self._distances.size + self._solver.grown
 
     # ------------------------------------------------------------------ the environment
 
@@ -103,8 +100,9 @@ class ClothBatch(BatchPhysics):
         """Reads state, picker state and mesh of the CPU environment.
 
         Keys besides the state: model (for `ClothBatchSolver`), origin of vertices [m], ends and
-        rest lengths [m] of edges, ways (`MeshDistances.all`), the flex's radius, hold_force,
-        max_tracking_error and hold_stretch, view (camera of pixel actions), and static_poses.
+        rest lengths [m] of edges, pairs and distances (`PairDistances`), the flex's radius,
+        hold_force, max_tracking_error and hold_stretch, view (camera of pixel actions), and
+        static_poses.
         """
         flex = self._flex
         return {
@@ -116,7 +114,8 @@ class ClothBatch(BatchPhysics):
             "count": np.array(flex.num_points),
             "ends": flex.edges.astype(np.int64),
             "lengths": flex.rest_lengths,
-            "ways": flex.mesh_distances.all(),
+            "pairs": flex.mesh_distances.pairs.indices,
+            "distances": flex.mesh_distances.pairs.distances,
             "num_edges": np.array(len(flex.edges)),
             "radius": np.array(flex.radius),
             "hold_force": np.array(flex.hold_force),
@@ -139,23 +138,12 @@ class ClothBatch(BatchPhysics):
         return describe(self._env.physics.model.ptr, self._grippers(), solids=self._static)
 
     def placed(self, read: Arrays) -> Arrays:
-        """Returns a row of `state`; ways_at is the mesh's first index in `_ways`."""
+        """Returns a row of `state`; pairs_at is the mesh's index in the distance tables."""
+        own = {name: read[name] for name in read if name not in ("pairs", "distances")}
         key = read["ends"].tobytes() + read["lengths"].tobytes()
-        if key not in self._ways_at:
-            self._ways_at[key] = self._ways_end
-            self._append(read["ways"].ravel())
-        own = {name: value for name, value in read.items() if name != "ways"}
-        address = np.array(self._solver.load(read["model"]))
-        return {**own, "model": address, "ways_at": np.array(self._ways_at[key])}
-
-    def _append(self, ways: np.ndarray) -> None:
-        first, last = self._ways_end, self._ways_end + len(ways)
-        if last > len(self._ways):
-            larger = self._device.zeros((max(last, 2 * len(self._ways)),), "float64")
-            larger[:first] = self._ways[:first]
-            self._ways = larger
-        self._ways[first:last] = self._device.put(ways)
-        self._ways_end = last
+        first = self._distances.add(key, read["pairs"], read["distances"])
+        model = self._solver.load(read["model"])
+        return {**own, "model": np.array(model), "pairs_at": np.array(first)}
 
     def arrays(self) -> Arrays:
         found = {
@@ -236,9 +224,9 @@ class ClothBatch(BatchPhysics):
             models[...] = whole
 
     def _gap(self, first: Array, second: Array) -> Array:
-        state, xp = self.state, self._xp
-        pair = xp.clip(first, min=0) * state["count"] + xp.clip(second, min=0)
-        return (1.0 + state["hold_stretch"]) * self._ways[state["ways_at"] + pair]
+        first, second = (self._xp.clip(held, min=0) for held in (first, second))
+        distances = self._distances.between(self.state["pairs_at"], first, second)
+        return (1.0 + self.state["hold_stretch"]) * distances
 
     # ------------------------------------------------------------------ what is seen
 
