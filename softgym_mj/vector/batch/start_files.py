@@ -102,18 +102,19 @@ def _encode(values: Mapping[str, Any]) -> bytes:
 
 
 def _decode(content: bytes) -> dict[str, Any]:
-    head, _, numbers = zlib.decompress(content).partition(b"\n")
-    at = 0
+    whole = zlib.decompress(content)
+    end = whole.index(b"\n")
+    at = end + 1
 
     def array(layout: Any) -> Any:
         nonlocal at
         if isinstance(layout, dict):
             return {name: array(inner) for name, inner in layout.items()}
-        found = np.ndarray(layout[1], layout[0], numbers, at)
+        found = np.ndarray(layout[1], layout[0], whole, at)
         at += found.nbytes
-        return found
+        return found.copy()  # Arrays are freed one by one: batches share models and distances.
 
-    return array(json.loads(head))
+    return array(json.loads(whole[:end]))
 
 
 CODEC = Codec(_encode, _decode)  # Much faster than .npz for many small arrays.
