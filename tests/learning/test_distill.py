@@ -205,15 +205,19 @@ def test_a_policy_acts_as_its_student_with_half_the_bytes():
     assert sizes[0] == sizes[1] / 2
 
 
+def _of_ropes(shapes):
+    """A problem of ropes with these observations and the teacher's."""
+    return Problem(
+        "rope_configuration", {}, [0], 4, (), 8, 1.0, "cpu", tuple(shapes),
+        {**shapes, "markov": (74,)}, 100,
+    )  # fmt: skip
+
+
 def test_a_function_of_a_module_labels_states_for_students_of_states():
     name = "softgym_mj.policies.reactive:rope_configuration"
     assert training._teacher(name, False) == {"teacher": name, "privileged": "markov"}
     result = find_method("distill", teacher=name, **SMALL)
-    shapes = {"reduced": (66,), "held": (2,), "markov": (74,)}
-    names = ("reduced", "held")
-    problem = Problem(
-        "rope_configuration", {}, [0], 4, (), 8, 1.0, "cpu", names, shapes, 100
-    )  # fmt: skip
+    problem = _of_ropes({"reduced": (66,), "held": (2,)})
     learner = result.make(result.settings, problem)
     states = 0.1 * torch.randn(1, 4, 74)
     torch.testing.assert_close(learner._teacher(states), rope_configuration(states))
@@ -223,6 +227,19 @@ def test_a_function_of_a_module_labels_states_for_students_of_states():
     linear, norm, _ = student.encoder
     features = norm(numbers @ linear.weight.T + linear.bias).tanh()
     torch.testing.assert_close(student(seen), student.head(torch.cat([features, numbers], -1)))
+
+
+def test_students_of_points_need_numbers_with_the_reduced_state():
+    settings = DistillSettings(**SMALL | {"features": 8}, points=True)
+    for shapes in ({"reduced": (66,), "rgb": (SIZE, SIZE, 3)}, {"full": (246,), "held": (2,)}):
+        with pytest.raises(InvalidArgumentError, match="points=True"):
+            Distill(settings, _of_ropes(shapes), _teacher)
+    learner = Distill(settings, _of_ropes({"held": (2,), "reduced": (66,)}), _teacher)
+    seen = {"held": torch.zeros(3, 2), "reduced": torch.rand(3, 66)}
+    numbers = torch.cat([seen["reduced"], seen["held"]], -1)
+    student = learner.students[0]
+    expected = student.head(torch.cat([student.encoder(numbers), numbers], -1))
+    torch.testing.assert_close(student(seen), expected)
 
 
 def test_missing_functions_are_refused_as_teachers():

@@ -20,6 +20,7 @@ from softgym_mj.learning.frames import Frames, stacked
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.methods.students import Observation, Student, StudentSettings
 from softgym_mj.learning.networks import StoredInHalf, drawn, generators
+from softgym_mj.learning.point_encoder import layout_of
 from softgym_mj.policies.saved import imported
 from softgym_mj.storage.files import read_whole
 from softgym_mj.validation import typed
@@ -62,11 +63,17 @@ class Distill:
         self._settings, self._problem, self._teacher = settings, problem, teacher
         shapes = {name: s for name, s in problem.shapes.items() if name != settings.privileged}
         at = problem.device
+        layout = None
+        if settings.points:
+            if any(len(shape) > 1 for shape in shapes.values()) or "reduced" not in shapes:
+                valid = "'reduced' and other numbers with points=True"
+                raise InvalidArgumentError("observation", problem.observed, valid)
+            layout = layout_of(problem.example())
         self.students = []
         for seed in problem.seeds:
             with torch.random.fork_rng(devices=[]):
                 torch.manual_seed(seed)
-                student = Student(settings, shapes, problem.action)
+                student = Student(settings, shapes, problem.action, layout)
             self.students.append(student.to(at, memory_format=torch.channels_last))
         self._rate = torch.tensor(settings.rate, device=at)
         decay, on_gpu = settings.weight_decay, dict.fromkeys(("capturable", "fused"), at == "cuda")

@@ -9,6 +9,7 @@ from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
 from softgym_mj.learning.frames import pictured
+from softgym_mj.learning.point_encoder import Layout, PointEncoder
 from softgym_mj.validation import typed
 
 _LAYERS = ((5, 2), (3, 2), (3, 2), (3, 1))  # Kernel and stride of each convolution.
@@ -40,6 +41,8 @@ class StudentSettings:
         teacher_until: share of the training over which that falls to zero.
         noise: standard deviation of the noise on actions that are carried out.
         wild_noise: the same in an eighth of the environments, added to `noise`.
+        points: whether attention over the object's points encodes the numbers; for students
+            of `reduced` and other numbers.
 
     Raises:
         InvalidArgumentError: for a number out of range.
@@ -63,6 +66,7 @@ class StudentSettings:
     teacher_until: float = 0.2
     noise: float = 0.05
     wild_noise: float = 0.3
+    points: bool = False
 
     def __post_init__(self):
         for name in ("frames", "channels", "features", "updates", "batch", "buffer", "warm_up"):
@@ -82,7 +86,11 @@ class Student(nn.Module):
     """
 
     def __init__(
-        self, settings: StudentSettings, shapes: Mapping[str, tuple[int, ...]], action: int
+        self,
+        settings: StudentSettings,
+        shapes: Mapping[str, tuple[int, ...]],
+        action: int,
+        layout: Layout | None = None,
     ):
         """Draws the weights from PyTorch's generator.
 
@@ -90,6 +98,7 @@ class Student(nn.Module):
             settings: sizes.
             shapes: of a single observation by name.
             action: size of an action.
+            layout: where the points are, with the setting `points`.
 
         Raises:
             InvalidArgumentError: for images that are too small.
@@ -115,10 +124,13 @@ class Student(nn.Module):
             encoded = inputs * sides[0] * sides[1]
         else:
             encoded = others
-        self.encoder = nn.Sequential(
+        self.encoder: nn.Module = nn.Sequential(
             *layers, nn.Linear(encoded, settings.features),
             nn.LayerNorm(settings.features), nn.Tanh(),
         )  # fmt: skip
+        if layout is not None:
+            self.others.sort(key=lambda name: name != "reduced")
+            self.encoder = PointEncoder(layout, others, settings.features)
         width = settings.features + others
         head: list[nn.Module] = []
         for size, following in itertools.pairwise((width, *settings.hidden, action)):
