@@ -12,6 +12,10 @@ from softgym_mj.rendering.look import look_of
 from softgym_mj.rendering.offscreen import LARGEST_IMAGE, CameraView, Video, camera_ids
 from softgym_mj.validation import typed
 
+# [m] Motion up to which a frame of a video repeats the last one: a hundredth of a pixel at most.
+# Half of the frames of tasks on cloth and rope show what has come to rest.
+STILL = 1e-5
+
 
 @dataclasses.dataclass(frozen=True)
 class Episode:
@@ -69,7 +73,7 @@ def play(
             much faster.
         size: Side of the images [pixels].
         pictures: Env steps after which an image is rendered (0: the start); None for all, rendered
-            at the quality of videos.
+            at the quality of videos, where frames repeat while nothing moves.
         passes: Number of passes averaged in an image; None for the look's.
         on_step: Called after each env step.
 
@@ -84,7 +88,8 @@ def play(
     check_name("camera", camera, (None, *camera_ids(env.physics.model.ptr)))
     if passes is None and pictures is None:
         passes = look_of(env.physics.model.ptr).video_passes
-    view = None if camera is None else CameraView(camera, size, size, passes)
+    still = STILL if pictures is None else None
+    view = None if camera is None else CameraView(camera, size, size, passes, still=still)
     frames: list[np.ndarray] = []
     rewards, infos = [], []
     for timestep in env.play(act, variation):

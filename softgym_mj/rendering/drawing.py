@@ -56,6 +56,7 @@ class SceneCamera(engine.Camera):
         ids = (mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name) for name in GROUND)
         self._ground = {i for i in ids if i >= 0}
         show_surfaces(self.option)
+        self._drawn, self._last = np.empty(0), np.empty(0)  # `_parts` of the last image, and it.
 
     def update(self, scene_option=None):
         super().update(scene_option)
@@ -98,18 +99,45 @@ class SceneCamera(engine.Camera):
         depth = near / (1.0 - self._depth_buffer * (1.0 - near / far))
         return shown, contexts.gl.to_pixels(depth)
 
-    def colors(self, passes: int) -> np.ndarray:
+    def colors(self, passes: int | None, still: float | None = None) -> np.ndarray:
         """Renders an image (height, width, 3) uint8 as the mean of several passes.
 
-        Each pass moves the sun on a disc and shifts the camera by less than a pixel.
+        Each of several passes moves the sun on a disc and shifts the camera by less than a pixel.
+
+        Args:
+            passes: Number of passes; None for the look's.
+            still: Motion [m] of everything drawn up to which the last image is returned; None
+                renders always.
         """
-        if passes == 1:
-            return self.render()
+        passes = passes or self.look.passes
         self.update()
+        if still is not None:
+            parts = self._parts()
+            if parts.shape == self._drawn.shape and np.abs(parts - self._drawn).max() <= still:
+                return self._last
+            self._drawn = parts
         contexts = self._physics.contexts
         with contexts.gl.make_current() as context:
-            context.call(self._accumulate, passes)
-        return contexts.gl.to_pixels(self._rgb_buffer)
+            if passes == 1:
+                context.call(self._render_on_gl_thread, depth=False, overlays=())
+            else:
+                context.call(self._accumulate, passes)
+        image = contexts.gl.to_pixels(self._rgb_buffer)
+        if still is not None:
+            image = self._last = image.copy()  # Other images use the same buffer.
+        return image
+
+    def _parts(self) -> np.ndarray:
+        """Returns numbers (n,) of everything drawn: places [m], directions, sizes [m], colors."""
+        scene = self.scene.ptr
+        parts = [scene.skinvert, scene.skinfacenum, scene.flexvert]
+        for geom in itertools.islice(scene.geoms, scene.ngeom):
+            parts += [geom.pos, geom.mat, geom.size, geom.rgba]
+        for light in itertools.islice(scene.lights, scene.nlight):
+            parts += [light.pos, light.dir, light.diffuse]
+        for eye in scene.camera:
+            parts += [eye.pos, eye.forward, eye.up]
+        return np.concatenate([np.ravel(part) for part in parts])
 
     def _accumulate(self, passes: int) -> None:
         scene = self.scene.ptr

@@ -136,6 +136,7 @@ class CameraView:
         *,
         marks: bool = True,
         glass: bool = True,
+        still: float | None = None,
     ):
         """Chooses the camera.
 
@@ -148,6 +149,8 @@ class CameraView:
             marks: Whether images show sites, which mark goals; image observations show them with
                 `goal_marks=True` only.
             glass: Whether images show the walls of cups.
+            still: Motion [m] of everything drawn up to which `rgb` returns the last image; None
+                renders always.
 
         Raises:
             InvalidArgumentError: If a size or number is out of range.
@@ -155,16 +158,14 @@ class CameraView:
         if passes is not None:
             check_count("passes", passes, 1, MOST_PASSES)
         self.camera, self._passes = camera, passes
-        self.marks, self._glass = marks, glass
+        self.marks, self._glass, self._still = marks, glass, still
         self.size = check_image_size("size", (height, width), LARGEST_IMAGE)
         self._data: Any = None
         self._view: Any = None
 
     def rgb(self, physics) -> np.ndarray:
         """Renders an image (height, width, 3) uint8."""
-        return self._render(
-            physics, lambda view: view.colors(self._passes or view.look.passes).copy()
-        )
+        return self._render(physics, lambda view: view.colors(self._passes, self._still).copy())
 
     def depth(self, physics) -> np.ndarray:
         """Renders the depth along the view direction (height, width) float32 [m]."""

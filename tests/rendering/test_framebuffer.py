@@ -52,6 +52,24 @@ def test_it_grows(env):
     assert same(everything(large, env.physics), grown)
 
 
+def test_an_image_repeats_until_something_has_moved(env):
+    view, fresh = CameraView("task", *LARGE, still=1e-3), CameraView("task", *LARGE)
+    first = view.rgb(env.physics)
+    assert np.array_equal(first, fresh.rgb(env.physics))
+    for moved, repeats in ((6e-4, True), (6e-4, False), (0.05, False), (1e-6, True)):
+        before = view.rgb(env.physics)
+        env.physics.data.qpos[:] += moved  # Coordinates of vertices and pickers; motions add up.
+        after = view.rgb(env.physics)
+        expected = before if repeats else fresh.rgb(env.physics)
+        assert np.array_equal(after, expected)
+    assert not np.array_equal(after, first)
+    view.segmentation(env.physics)  # It uses the same buffer.
+    assert np.array_equal(view.rgb(env.physics), after)
+    env.physics.model.mat_rgba[:] *= 0.5  # A color changes the image, too.
+    assert np.array_equal(view.rgb(env.physics), fresh.rgb(env.physics))
+    assert not np.array_equal(view.rgb(env.physics), after)
+
+
 def test_dm_control_renders_what_it_does_without():
     """Before and after small images, and in an environment that has none."""
     env, other = (softgym_mj.load("straighten_rope", observation=o) for o in ("rgb", "reduced"))
