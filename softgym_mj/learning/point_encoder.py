@@ -64,8 +64,14 @@ class PointEncoder(nn.Module):
             layout: where the points are.
             numbers: size of an observation.
             features: number of features, a multiple of 8.
+
+        Raises:
+            InvalidArgumentError: for another number.
         """
         super().__init__()
+        if features % _HEADS:
+            valid = f"a multiple of {_HEADS} with points=True"
+            raise InvalidArgumentError("features", features, valid)
         points, goals, grippers = layout
         for name, indices in zip(Layout._fields, layout, strict=True):
             self.register_buffer(name, torch.as_tensor(indices.astype(np.int64)))

@@ -34,6 +34,12 @@ def test_observations_without_points_are_refused():
             layout(task, **settings)
 
 
+def test_features_are_shared_evenly_among_heads():
+    found, *_ = layout("fold_cloth")
+    with pytest.raises(InvalidArgumentError, match="multiple of 8"):
+        PointEncoder(found, 18, 20)
+
+
 def test_features_are_those_of_plain_loops():
     found, _, seen = layout("rope_configuration")
     torch.manual_seed(0)
