@@ -20,7 +20,10 @@ TRAVEL, CARRY, LAID = 0.1, 0.07, 0.045
 ABOVE = 0.03  # [m] Height over a point at which it is grasped.
 GOOD = 0.02  # [m] Error up to which a point is not moved.
 ARRIVED = 0.015  # [m] Distance from its place at which a point is released.
-OVER, READY = 0.03, 0.018  # [m] Distances from a point at which a picker descends and closes.
+READY = 0.018  # [m] Distance from a grasp along every axis at which a picker closes.
+# A picker descends in a funnel, with a radius at the bottom [m] and a slope, and moves across less
+# the deeper it is below the funnel, down to this depth [m].
+NARROW, SLOPE, BELOW = 0.01, 1.5, 0.04
 PUTTING = 0.4  # Fraction of full speed at which points are carried.
 ROOM = 0.05  # [m] Minimum distance of two points that are moved at once, and of their places.
 BESIDE = 2  # Largest difference of the indices of a point and the one nearest to its grasp.
@@ -147,18 +150,18 @@ def _carried(points: Array, places: Array, pickers: Pickers, i: int) -> Motion:
     xp = namespace(points)
     center, height = pickers.centers[..., i, :], pickers.centers[..., i, 2]
     own = pickers.held[..., i, None]
-    goal = center + (taken(places, own) - taken(points, own))[..., 0, :]
-    there = _across(goal, center) <= ARRIVED
+    place = center + (taken(places, own) - taken(points, own))[..., 0, :]
+    distance = _across(place, center)
+    there = distance <= ARRIVED
     done = there & (height <= LAID + 0.005)
-    stays = xp.where(there, done, height < CARRY - 0.02)
-    level = xp.where(done, height, xp.where(there, xp.full_like(height, LAID), CARRY))
+    goal = _funnel(center, place, LAID + xp.zeros_like(height), distance, CARRY)
+    goal = xp.where(done[..., None], center, goal)
     closed = ~done
     if i == 1:  # It gives way to the other one.
         way = pickers.centers[..., 0, :] - center
         blocked = pickers.holds[..., 0] & (lengths(way[..., :2]) < KEEP)
-        closed = closed & ~(blocked & (xp.sum((goal - center) * way, axis=-1) > 0.0) & ~there)
-    across = xp.where(stays[..., None], center[..., :2], goal[..., :2])
-    return Motion(_at(across, level), closed, xp.full_like(height, PUTTING))
+        closed = closed & ~(blocked & (xp.sum((place - center) * way, axis=-1) > 0.0) & ~there)
+    return Motion(goal, closed, xp.full_like(height, PUTTING))
 
 
 def _fetched(points: Array, target: Array, exists: Array, pickers: Pickers, i: int) -> Motion:
@@ -168,22 +171,40 @@ def _fetched(points: Array, target: Array, exists: Array, pickers: Pickers, i: i
     other, other_holds = pickers.centers[..., 1 - i, :], pickers.holds[..., 1 - i]
     point = taken(points, target[..., None])[..., 0, :]
     distance = _across(point, center)
-    rises = (height < TRAVEL - 0.03) & (distance > 0.05)
-    across = xp.where(rises[..., None], center[..., :2], point[..., :2])
-    level = xp.where(distance <= OVER, point[..., 2] + ABOVE, TRAVEL)
-    goal = _at(across, level)
+    goal = _funnel(center, point, point[..., 2] + ABOVE, distance, TRAVEL)
     between = center - other
     gap = lengths(between[..., :2])
     is_close = gap < KEEP
-    exists = exists & (_across(goal, other) >= ROOM) & ~(is_close & other_holds)
-    closes = exists & (distance <= OVER) & ~pickers.lost[..., i]
-    closes = closes & (xp.max(xp.abs(goal - center), axis=-1) <= READY)
+    exists = exists & (_across(point, other) >= ROOM) & ~(is_close & other_holds)
+    gap_to = xp.concat([point[..., :2], point[..., 2:] + ABOVE], axis=-1) - center
+    closes = exists & ~pickers.lost[..., i] & (xp.max(xp.abs(gap_to), axis=-1) <= READY)
     # A picker without a target rests; near the other one it moves away.
     away = center + (KEEP / xp.maximum(gap, xp.full_like(gap, 1e-3)))[..., None] * between
     rest = xp.where(is_close[..., None], away, center)[..., :2]
     rest = _at(rest, xp.full_like(height, TRAVEL))
     goal = xp.where(exists[..., None], xp.where(closes[..., None], center, goal), rest)
     return Motion(goal, closes, xp.ones_like(height))
+
+
+def _funnel(center: Array, point: Array, low: Array, distance: Array, high: float) -> Array:
+    """Returns the goal (..., 3) [m] of a picker that moves over a point and down to it.
+
+    Nothing changes abruptly, because averages of abrupt changes would stop those who imitate it.
+
+    Args:
+        center: position of the picker (..., 3) [m].
+        point: (..., 3) [m].
+        low: height at the point (...) [m].
+        distance: horizontal distance from the point (...) [m].
+        high: height far from it [m].
+    """
+    xp = namespace(center)
+    level = xp.minimum(
+        low + SLOPE * xp.maximum(distance - NARROW, xp.zeros_like(low)), xp.full_like(low, high)
+    )
+    share = xp.clip(1.0 - (level - center[..., 2]) / BELOW, 0.0, 1.0)
+    across = center[..., :2] + share[..., None] * (point - center)[..., :2]
+    return _at(across, level)
 
 
 def _at(across: Array, height: Array) -> Array:

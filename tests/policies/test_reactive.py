@@ -65,6 +65,18 @@ def test_a_picker_over_its_target_descends_and_one_at_its_target_closes():
     assert entries(lost)[1][0] == -1.0
 
 
+def test_a_picker_descends_in_a_funnel():
+    rope = straight(0)
+    rope[-1, 1] += 0.1
+    low, aside = rope[-1, 2] + reactive.ABOVE, [-0.2, -0.3, HIGH]
+    # 0.03 m beside the end, the funnel is 1.5 (0.03 - 0.01) m high; 0.02 m below it, pickers move
+    # half of the way across.
+    center = [rope[-1, 0] + 0.03, rope[-1, 1], low + 0.01]
+    moves, grips = entries(reactive.rope_configuration(seen(rope, straight(0), [center, aside])))
+    np.testing.assert_allclose(moves[0], np.array([-0.015, 0.0, 0.02]) / 0.08, atol=1e-12)
+    assert grips[0] == -1.0
+
+
 def test_a_picker_carries_what_it_holds_slowly_and_releases_it_at_its_place():
     rope = straight(0)
     rope[-1] += [0.0, 0.1, 0.03]
