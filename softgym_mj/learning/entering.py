@@ -117,7 +117,10 @@ def _are_counts(points: object) -> bool:
 def _bad_length(
     points: Sequence[int], own: Mapping[str, Any], training: Mapping[str, Any]
 ) -> Iterator[str]:
-    """Yields a violation unless the training is as long as its preset."""
+    """Yields violations unless the training has ended, and is as long as its preset."""
+    planned = training.get("env_steps", points[-1])
+    if points[-1] != planned:
+        yield f"the training has ended after {points[-1]} of {planned} env steps"
     if own["method"] not in METHODS or own["preset"] == "custom":
         return
     try:
@@ -127,8 +130,8 @@ def _bad_length(
     except InvalidArgumentError as error:
         yield str(error)
         return
-    for env_steps in {training.get("env_steps"), points[-1]} - {preset.env_steps}:
-        yield f"env steps are {env_steps}, and {preset.env_steps} in the preset"
+    if planned != preset.env_steps:
+        yield f"env steps are {planned}, and {preset.env_steps} in the preset"
 
 
 def _missing(rows: Sequence[Row], seeds: Sequence[int], points: Sequence[int]) -> Iterator[str]:
