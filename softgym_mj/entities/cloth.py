@@ -1,6 +1,7 @@
 """`Cloth`: a rectangular sheet of woven fabric as a two-dimensional MuJoCo flex."""
 
 import numpy as np
+from scipy import sparse
 
 from softgym_mj import metrics
 from softgym_mj.entities.fabric import Fabric
@@ -160,7 +161,7 @@ class Cloth(Sheet):
     def _mass(self, density: float) -> float:
         return density * self.size[0] * self.size[1]
 
-    def _skin(self, refinement: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _skin(self, refinement: int) -> tuple[sparse.csr_array, np.ndarray, np.ndarray]:
         rows, columns = (np.linspace(0, n - 1, (n - 1) * refinement + 1) for n in self.shape)
         # The strip: 5 of SoftGym's quads along the rows, from an eighth of them on.
         first = (self.dims[0] - 1) // 8
@@ -168,7 +169,8 @@ class Cloth(Sheet):
         columns = np.union1d(columns, strip * columns[-1])
         u = np.interp(columns / columns[-1], [0.0, *strip, 1.0], [0.0, *STRIP, 1.0])
         u, v = np.meshgrid(u, rows / rows[-1])
-        weights = np.kron(spline(self.shape[0], rows), spline(self.shape[1], columns))
+        splines = spline(self.shape[0], rows), spline(self.shape[1], columns)
+        weights = sparse.csr_array(sparse.kron(*map(sparse.csr_array, splines)))
         # Its front is below when its grid is seen from above.
         faces = alternating_triangles(len(rows), len(columns))[:, ::-1]
         inset = PAD + (1.0 - 2.0 * PAD) * np.column_stack([u.ravel(), v.ravel()])

@@ -11,14 +11,12 @@ from softgym_mj.entities.fabric import Fabric
 from softgym_mj.entities.flex import Color
 from softgym_mj.entities.mesh_files import mesh_warnings, read_mesh
 from softgym_mj.entities.sheet import BACK_COLOR, FRONT_COLOR, Sheet
-from softgym_mj.native.arithmetic import product
 from softgym_mj.rendering.skins import refined
 from softgym_mj.validation import typed
 
 HEMMED = 0.05  # Share of the weave's texture at its sides that shows a hem and is cut off.
 
-# Meshes with more vertices are not refined for rendering: weights of a finer skin would take
-# gigabytes.
+# Meshes with more vertices are not refined for rendering: they are fine enough.
 MOST_REFINED = 2000
 # [bytes] Memory for MuJoCo's collision detection: twice what the pairs of bodies require.
 _LEAST_MEMORY, _MEMORY_OF_PAIR = 2**24, 4
@@ -54,14 +52,14 @@ class MeshSheet(Sheet):
     def _mass(self, density: float) -> float:
         return density * self.area
 
-    def _skin(self, refinement: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        weights, faces = np.eye(self.num_points), self.triangles
+    def _skin(self, refinement: int) -> tuple[sparse.csr_array, np.ndarray, np.ndarray]:
+        weights, faces = sparse.eye_array(self.num_points, format="csr"), self.triangles
         steps = refinement.bit_length() - 1 if self.num_points <= MOST_REFINED else 0
         for _ in range(steps):
-            finer, faces = refined(len(weights), faces)
-            weights = sparse.csr_array(finer) @ weights  # Dense products take gigabytes.
+            finer, faces = refined(weights.shape[0], faces)
+            weights = finer @ weights
         low, high = self._rest_points.min(axis=0), self._rest_points.max(axis=0)
-        flat = (product(weights, self._rest_points) - low)[:, :2] / max((high - low)[:2])
+        flat = (weights @ self._rest_points - low)[:, :2] / max((high - low)[:2])
         return weights, faces, HEMMED + (1.0 - 2.0 * HEMMED) * flat
 
 

@@ -4,6 +4,7 @@ import abc
 import math
 
 import numpy as np
+from scipy import sparse
 
 from softgym_mj.entities.fabric import Fabric, solver_material
 from softgym_mj.entities.flex import FLEX, Color, Flex
@@ -76,10 +77,10 @@ class Sheet(Flex):
         weights, faces, texcoords = skin
         # The right half of the texture is the other side's.
         sides = np.vstack([texcoords, texcoords + [1.0, 0.0]]) * [0.5, 1.0]
-        points = product(weights, self._rest_points)
+        points = weights @ self._rest_points
         file = SkinFile(
             np.vstack([points, points]), sides, closed(faces, len(points)),
-            np.vstack([weights, weights]), self._rest_points, self._vertex_bodies,
+            sparse.vstack([weights, weights]), self._rest_points, self._vertex_bodies,
         )  # fmt: skip
         self._mjcf_root.deformable.skin.clear()
         self._mjcf_root.deformable.add(
@@ -111,7 +112,7 @@ class Sheet(Flex):
         """Returns the mass [kg] of the sheet for a mass per area [kg/m^2]."""
 
     @abc.abstractmethod
-    def _skin(self, refinement: int) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    def _skin(self, refinement: int) -> tuple[sparse.csr_array, np.ndarray, np.ndarray] | None:
         """Returns the rendered mesh, with edges `refinement` times shorter than those of the flex.
 
         Returns:

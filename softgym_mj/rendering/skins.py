@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 from dm_control import mjcf
+from scipy import sparse
 
 DRAWN_SKINS = 5  # Group of skins that only our cameras show: other viewers do not update them.
 SHOWN_FLEXES = 1  # Group of flexes that only other viewers show, in place of those skins.
@@ -25,7 +26,7 @@ class SkinFile(mjcf.Asset):
         vertices: np.ndarray,
         texcoords: np.ndarray,
         faces: np.ndarray,
-        weights: np.ndarray,
+        weights: sparse.sparray | np.ndarray,
         places: np.ndarray,
         bodies: Callable[[], list[str]],
     ):
@@ -44,14 +45,16 @@ class SkinFile(mjcf.Asset):
             np.ascontiguousarray(part, kind).tobytes()
             for part, kind in ((vertices, "<f4"), (texcoords, "<f4"), (faces, "<i4"))
         )
-        self._weights = []
-        for column, place in zip(weights.T, places, strict=True):
-            (used,) = np.nonzero(column)
-            self._weights.append(
-                struct.pack("<7fi", *place, 1.0, 0.0, 0.0, 0.0, len(used))
-                + used.astype("<i4").tobytes()
-                + column[used].astype("<f4").tobytes()
+        columns = sparse.csc_array(weights)
+        used, values = columns.indices.astype("<i4"), columns.data.astype("<f4")
+        self._weights = [
+            struct.pack("<7fi", *place, 1.0, 0.0, 0.0, 0.0, last - first)
+            + used[first:last].tobytes()
+            + values[first:last].tobytes()
+            for place, first, last in zip(
+                places, columns.indptr[:-1], columns.indptr[1:], strict=True
             )
+        ]
         self._bodies = bodies
         mjcf.attribute.BaseAsset.__init__(self, ".skn")
 
@@ -118,7 +121,7 @@ def closed(faces: np.ndarray, number: int) -> np.ndarray:
     )
 
 
-def refined(number: int, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def refined(number: int, triangles: np.ndarray) -> tuple[sparse.csr_array, np.ndarray]:
     """Makes one step of Loop subdivision of a mesh with rims.
 
     Args:
@@ -133,32 +136,27 @@ def refined(number: int, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     )
     edges, which, counts = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
     middle = which.reshape(-1, 3)  # Edges of a triangle: those after its corners.
-    weights = np.zeros((number + len(edges), number))
-    # Vertices: rims are splines of their own; Warren's weights inside.
+    # Vertices: rims are splines of their own, except where they meet; Warren's weights inside.
     rim = counts == 1
-    on_rim = np.zeros(number, bool)
-    on_rim[edges[rim].ravel()] = True
-    neighbors = np.zeros((number, number))
-    neighbors[edges[:, 0], edges[:, 1]] = neighbors[edges[:, 1], edges[:, 0]] = 1.0
-    rims = np.zeros((number, number))
-    a, b = edges[rim].T
-    rims[a, b] = rims[b, a] = 1.0
-    is_plain = on_rim & (rims.sum(axis=1) == 2)
-    weights[:number] = np.eye(number)  # Where rims meet.
-    weights[:number][is_plain] = 0.75 * np.eye(number)[is_plain] + 0.125 * rims[is_plain]
-    valence = neighbors.sum(axis=1)
+    valence, rims = (np.bincount(part.ravel(), minlength=number) for part in (edges, edges[rim]))
     beta = np.where(valence == 3, 3 / 16, 3 / (8 * np.maximum(valence, 1)))
-    inside = ~on_rim
-    weights[:number][inside] = (
-        np.eye(number) * (1 - valence * beta)[:, None] + neighbors * beta[:, None]
-    )[inside]
+    own = np.where(rims == 0, 1 - valence * beta, np.where(rims == 2, 0.75, 1.0))
+    ends = np.concatenate([edges, edges[:, ::-1]])
+    on_spline = (rims[ends[:, 0]] == 2) & np.tile(rim, 2)
+    shares = np.where(rims[ends[:, 0]] == 0, beta[ends[:, 0]], np.where(on_spline, 0.125, 0.0))
     # Edges: 3/8 of the ends and 1/8 of the two opposite corners, or the middle of a rim.
     rows = number + np.arange(len(edges))
-    for end in range(2):
-        np.add.at(weights, (rows, edges[:, end]), np.where(rim, 0.5, 0.375))
     opposite = np.roll(triangles, -2, axis=1)
-    share = np.where(rim, 0.0, 0.125)[middle]
-    np.add.at(weights, (number + middle.ravel(), opposite.ravel()), share.ravel())
+    parts = [
+        (own, np.arange(number), np.arange(number)),
+        (shares, *ends.T),
+        *((np.where(rim, 0.5, 0.375), rows, edges[:, end]) for end in range(2)),
+        (np.where(rim, 0.0, 0.125)[middle].ravel(), number + middle.ravel(), opposite.ravel()),
+    ]
+    values, places, sources = (np.concatenate(part) for part in zip(*parts, strict=True))
+    shape = number + len(edges), number
+    weights = sparse.csr_array(sparse.coo_array((values, (places, sources)), shape))
+    weights.eliminate_zeros()
     (p, q, r), (x, y, z) = triangles.T, (number + middle).T
     faces = [[p, x, z], [x, q, y], [z, y, r], [x, y, z]]
     return weights, np.concatenate([np.stack(face, axis=1) for face in faces])
