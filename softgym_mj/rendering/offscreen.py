@@ -149,8 +149,7 @@ class CameraView:
             marks: Whether images show sites, which mark goals; image observations show them with
                 `goal_marks=True` only.
             glass: Whether images show the walls of cups.
-            still: Motion [m] of everything drawn up to which `rgb` returns the last image; None
-                renders always.
+            still: Motion [m] up to which `rgb` repeats the last image; None renders always.
 
         Raises:
             InvalidArgumentError: If a size or number is out of range.
