@@ -24,6 +24,7 @@ PAD = 0.02  # Margin of a panel, relative to its side, so that mipmaps do not mi
 STRAND_SHADE = 0.55  # Factor of the color of a rope between its strands.
 PLASTER = 0.006  # Relative color variation of plaster; above 1 % it looks like clouds.
 SHINE_THROUGH = 0.4  # Relative strength of a print on the other side.
+ROWS = 32  # Rows of a weave computed together, which fit into a processor's cache.
 KEPT = 8  # Cache size per kind: a texture takes some megabytes, and random ones never recur.
 
 
@@ -92,28 +93,32 @@ def weave(
     place = (place - PAD) / (1.0 - 2.0 * PAD)  # 0..1 within the sheet.
     thread = np.floor(place * threads).astype(int)
     within = np.sin(np.pi * (place * threads - thread))  # 1 at a thread's center.
-    across, along = within[:, None], within[None, :]
-    is_warp = (thread[:, None] + thread[None, :]) % 2 == 0  # Whether the warp is on top.
-    relief = np.where(is_warp, along * (0.6 + 0.4 * across), across * (0.6 + 0.4 * along))
     tones = [1.0 + TONE * random.standard_normal(threads + 8)[thread % threads] for _ in range(2)]
-    shade = (1.0 - RELIEF * (1.0 - relief)) * np.where(is_warp, tones[0], tones[1][:, None])
-    edge = np.minimum(place, 1.0 - place)
-    rim = np.minimum(edge[:, None], edge[None, :])
-    shade = np.where(rim < HEM, HEM_SHADE * shade, shade)
-    dashes = (place * STITCHES) % 1.0 < 0.6
-    running = np.where(edge[:, None] < edge[None, :], dashes[None, :], dashes[:, None])
-    seam = (np.abs(rim - HEM) < 0.12 * HEM) & running
-    shade = np.where(seam, STITCH * shade, shade)
-    strip = has_strip & (place >= STRIP[0]) & (place < STRIP[1])
-    panels = []
-    for own, other, strength in ((*colors, 1.0), (*colors[::-1], SHINE_THROUGH)):
-        color = np.where(strip[:, None], np.array(other), np.array(own))[None]
-        if print_name != "plain":
-            ink = strength * pattern(print_name, seed, place, place)[..., None]
-            ink = np.where(strip[:, None], 0.0, ink)
-            color = color + ink * (second_tone(np.array(own), seed) - color)
-        panels.append(shade[..., None] * color)
-    return asset(_pixels(np.concatenate(panels, axis=1)))
+    edge, dashes = np.minimum(place, 1.0 - place), (place * STITCHES) % 1.0 < 0.6
+    strip = (has_strip & (place >= STRIP[0]) & (place < STRIP[1]))[:, None]
+    inks = None if print_name == "plain" else pattern(print_name, seed, place, place)[..., None]
+    sides = (*colors, 1.0), (*colors[::-1], SHINE_THROUGH)
+    pixels = np.empty((size, 2 * size, 3), np.uint8)
+    for first in range(0, size, ROWS):
+        rows = slice(first, first + ROWS)
+        across, along = within[rows, None], within[None, :]
+        is_warp = (thread[rows, None] + thread[None, :]) % 2 == 0  # Whether the warp is on top.
+        relief = np.where(is_warp, along * (0.6 + 0.4 * across), across * (0.6 + 0.4 * along))
+        shade = 1.0 - RELIEF * (1.0 - relief)
+        shade *= np.where(is_warp, tones[0], tones[1][rows, None])
+        rim = np.minimum(edge[rows, None], edge[None, :])
+        shade = np.where(rim < HEM, HEM_SHADE * shade, shade)
+        running = np.where(edge[rows, None] < edge[None, :], dashes[None, :], dashes[rows, None])
+        seam = (np.abs(rim - HEM) < 0.12 * HEM) & running
+        shade = np.where(seam, STITCH * shade, shade)
+        for panel, (own, other, strength) in enumerate(sides):
+            color = np.where(strip, np.array(other), np.array(own))[None]
+            if inks is not None:
+                ink = np.where(strip, 0.0, strength * inks[rows])
+                color = color + ink * (second_tone(np.array(own), seed) - color)
+            columns = slice(panel * size, (panel + 1) * size)
+            pixels[rows, columns] = _pixels(shade[..., None] * color)
+    return asset(pixels)
 
 
 @functools.lru_cache(maxsize=KEPT)
