@@ -31,6 +31,7 @@ LARGEST_IMAGE = 1280  # Side of the off-screen buffer in arena.xml [pixels].
 _OTHER_THREAD = "already current on another thread"  # Part of dm_control's error message.
 _rendered_in: int | None = None  # Process id; a fork inherits it, but not OpenGL's threads.
 _CRF = 10  # H.264 quality of videos, 51 (worst) to 0; at 10 no blocks are visible on cloth.
+_PRESET = "veryfast"  # Half the time of the default, for 0.8 dB less at 46 dB.
 _BLOCK = 8  # Sides of videos are multiples of this [pixels]; others are scaled to the next one.
 _LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa"}  # Values of MUJOCO_GL by preference.
 _PACKAGES = {"egl": "libegl1 libgl1-mesa-dri", "osmesa": "libosmesa6"}  # Their Debian packages.
@@ -60,8 +61,7 @@ def choose_backend() -> None:
     Call it before importing dm_control, which reads the variable at import.
 
     Raises:
-        UnavailableError: If the library of that value is missing, so that dm_control cannot be
-            imported.
+        UnavailableError: If the library of that value is missing, which dm_control imports.
     """
     chosen = os.environ.get("MUJOCO_GL")
     if chosen in _LIBRARIES and not ctypes.util.find_library(_LIBRARIES[chosen]):
@@ -281,7 +281,7 @@ class Video:
         command = [imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error"]
         command += f"-f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {self.fps} -i -".split()
         command += f"-vf scale={':'.join(map(str, sides))} -f mp4 -c:v libx264".split()
-        command += f"-pix_fmt yuv420p -crf {_CRF}".split()
+        command += f"-pix_fmt yuv420p -crf {_CRF} -preset {_PRESET}".split()
         done = subprocess.run(
             [*command, "-y", file], input=self.frames.tobytes(), capture_output=True, check=False
         )
