@@ -9,11 +9,7 @@ from softgym_mj.metrics import Array
 
 
 class DistanceTables:
-    """Distances of all pairs of vertices of meshes, as indices into the different distances.
-
-    Attributes:
-        size: Sizes of the arrays together, which grow with replaced arrays.
-    """
+    """Distances of all pairs of vertices of meshes, as indices into the different distances."""
 
     def __init__(self, device: Device):
         """Makes empty tables."""
@@ -28,6 +24,7 @@ class DistanceTables:
 
     @property
     def size(self) -> int:
+        """Sizes of the arrays together, which grow with replaced arrays."""
         return sum(map(len, self._arrays.values()))
 
     def add(self, key: bytes, indices: np.ndarray, distances: np.ndarray) -> int:
