@@ -26,16 +26,19 @@ class _BoundToThread:
     OpenGL does not allow other threads to free a context in use.
     """
 
+    # At the end of a program, contexts may be freed after the globals of modules.
+    _kind, _current = executor.PassthroughRenderExecutor, staticmethod(threading.current_thread)
+
     def __init__(self, *args, **kwargs):
-        self._thread = threading.current_thread()
+        self._thread = self._current()
         super().__init__(*args, **kwargs)
 
     @property
     def is_elsewhere(self) -> bool:
         """Whether another thread made the context and must free it; GLFW has its own thread."""
-        kind = executor.PassthroughRenderExecutor
-        own = threading.current_thread() is self._thread
-        return not own and isinstance(self._render_executor, kind)  # type: ignore[attr-defined]
+        if self._current() is self._thread:
+            return False
+        return isinstance(self._render_executor, self._kind)  # type: ignore[attr-defined]
 
     def _free_unconditionally(self) -> None:
         if self.is_elsewhere:
