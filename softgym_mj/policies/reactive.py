@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import dm_env
 import numpy as np
+from array_api_compat import device
 
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import check_name
@@ -118,7 +119,7 @@ def carrying(points: Array, places: Array, pickers: Pickers, stride: float) -> A
 def _targets(points: Array, places: Array, pickers: Pickers) -> list[tuple[Array, Array]]:
     """Returns, for each picker, the index (...) of the point to fetch, and whether there is one."""
     xp = namespace(points)
-    index = xp.cumulative_sum(xp.ones_like(points[..., 0]), axis=-1) - 1.0
+    index = xp.arange(points.shape[-2], device=device(points))
 
     def apart(point: Array) -> Array:
         """Returns which points (..., n) can be moved together with one (...)."""
@@ -128,8 +129,7 @@ def _targets(points: Array, places: Array, pickers: Pickers) -> list[tuple[Array
         return result
 
     # A point below another strand cannot be grasped from above.
-    above = points + constant([0.0, 0.0, ABOVE], points)
-    offsets = above[..., :, None, :] - points[..., None, :, :]
+    offsets = _grasp(points)[..., :, None, :] - points[..., None, :, :]
     nearest = xp.argmin(lengths(offsets), axis=-1)
     error = _across(points, places)
     allowed = (error >= GOOD) & (xp.abs(nearest - index) <= BESIDE)
@@ -151,11 +151,10 @@ def _carried(points: Array, places: Array, pickers: Pickers, i: int) -> Motion:
     center, height = pickers.centers[..., i, :], pickers.centers[..., i, 2]
     own = pickers.held[..., i, None]
     place = center + (taken(places, own) - taken(points, own))[..., 0, :]
-    distance = _across(place, center)
-    there = distance <= ARRIVED
+    there = _across(place, center) <= ARRIVED
     done = there & (height <= LAID + 0.005)
-    goal = _funnel(center, place, LAID + xp.zeros_like(height), distance, CARRY)
-    goal = xp.where(done[..., None], center, goal)
+    laid = _at(place[..., :2], xp.full_like(height, LAID))
+    goal = xp.where(done[..., None], center, _funnel(center, laid, CARRY))
     closed = ~done
     if i == 1:  # It gives way to the other one.
         way = pickers.centers[..., 0, :] - center
@@ -170,41 +169,42 @@ def _fetched(points: Array, target: Array, exists: Array, pickers: Pickers, i: i
     center, height = pickers.centers[..., i, :], pickers.centers[..., i, 2]
     other, other_holds = pickers.centers[..., 1 - i, :], pickers.holds[..., 1 - i]
     point = taken(points, target[..., None])[..., 0, :]
-    distance = _across(point, center)
-    goal = _funnel(center, point, point[..., 2] + ABOVE, distance, TRAVEL)
+    grasp = _grasp(point)
     between = center - other
     gap = lengths(between[..., :2])
     is_close = gap < KEEP
     exists = exists & (_across(point, other) >= ROOM) & ~(is_close & other_holds)
-    gap_to = xp.concat([point[..., :2], point[..., 2:] + ABOVE], axis=-1) - center
-    closes = exists & ~pickers.lost[..., i] & (xp.max(xp.abs(gap_to), axis=-1) <= READY)
+    closes = exists & ~pickers.lost[..., i] & (xp.max(xp.abs(grasp - center), axis=-1) <= READY)
     # A picker without a target rests; near the other one it moves away.
     away = center + (KEEP / xp.maximum(gap, xp.full_like(gap, 1e-3)))[..., None] * between
     rest = xp.where(is_close[..., None], away, center)[..., :2]
     rest = _at(rest, xp.full_like(height, TRAVEL))
-    goal = xp.where(exists[..., None], xp.where(closes[..., None], center, goal), rest)
+    goal = xp.where(closes[..., None], center, _funnel(center, grasp, TRAVEL))
+    goal = xp.where(exists[..., None], goal, rest)
     return Motion(goal, closes, xp.ones_like(height))
 
 
-def _funnel(center: Array, point: Array, low: Array, distance: Array, high: float) -> Array:
-    """Returns the goal (..., 3) [m] of a picker that moves over a point and down to it.
+def _funnel(center: Array, end: Array, high: float) -> Array:
+    """Returns the goal (..., 3) [m] of a picker that moves over a position and down to it.
 
     Nothing changes abruptly, because averages of abrupt changes would stop those who imitate it.
 
     Args:
         center: position of the picker (..., 3) [m].
-        point: (..., 3) [m].
-        low: height at the point (...) [m].
-        distance: horizontal distance from the point (...) [m].
+        end: position at which the motion ends (..., 3) [m].
         high: height far from it [m].
     """
     xp = namespace(center)
-    level = xp.minimum(
-        low + SLOPE * xp.maximum(distance - NARROW, xp.zeros_like(low)), xp.full_like(low, high)
-    )
+    outside = xp.clip(_across(end, center) - NARROW, 0.0, None)
+    level = xp.clip(end[..., 2] + SLOPE * outside, None, high)
     share = xp.clip(1.0 - (level - center[..., 2]) / BELOW, 0.0, 1.0)
-    across = center[..., :2] + share[..., None] * (point - center)[..., :2]
+    across = center[..., :2] + share[..., None] * (end - center)[..., :2]
     return _at(across, level)
+
+
+def _grasp(points: Array) -> Array:
+    """Returns the positions (..., 3) [m] of pickers that grasp points."""
+    return points + constant([0.0, 0.0, ABOVE], points)
 
 
 def _at(across: Array, height: Array) -> Array:
