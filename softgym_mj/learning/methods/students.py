@@ -124,11 +124,13 @@ class Student(nn.Module):
             encoded = inputs * sides[0] * sides[1]
         else:
             encoded = others
-        self.encoder: nn.Module = nn.Sequential(
-            *layers, nn.Linear(encoded, settings.features),
-            nn.LayerNorm(settings.features), nn.Tanh(),
-        )  # fmt: skip
-        if layout is not None:
+        self.encoder: nn.Module
+        if layout is None:
+            self.encoder = nn.Sequential(
+                *layers, nn.Linear(encoded, settings.features),
+                nn.LayerNorm(settings.features), nn.Tanh(),
+            )  # fmt: skip
+        else:
             self.others.sort(key=lambda name: name != "reduced")
             self.encoder = PointEncoder(layout, others, settings.features)
         width = settings.features + others
