@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_count, check_name
-from softgym_mj.learning.registry import LABELED, METHODS, find_preset
+from softgym_mj.learning.registry import METHODS, find_preset
 from softgym_mj.learning.results import Row
 from softgym_mj.policies.planners import PLANNERS
 from softgym_mj.registry import TASKS
@@ -103,13 +103,14 @@ class QueuedRun:
 
         Env steps are compared if the entry sets them or replaces settings of the preset.
         """
-        replaced = "small" if self.plans else "custom"
-        preset = self.preset if LABELED.issuperset(self.settings) else replaced
+        preset, env_steps = self.preset, self.env_steps
+        if self.settings and self.plans:
+            preset = "small"
+        elif self.settings:
+            training, method = find_preset(self.method, preset, self.task, **self.settings)
+            preset = method.preset
+            env_steps = training.env_steps if preset == "custom" else env_steps
         name = self.task, self.method, self.observation, preset, self.replay
-        env_steps = self.env_steps
-        if preset == "custom":
-            training, _ = find_preset(self.method, self.preset, self.task, **self.settings)
-            env_steps = training.env_steps
         result = {
             row.seed
             for row in rows
