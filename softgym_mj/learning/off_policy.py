@@ -118,7 +118,6 @@ class OffPolicy:
         settings: OffPolicySettings,
         problem: Problem,
         algorithm: Algorithm,
-        replay: Callable[..., Replay] = Replay,
     ):
         """Allocates the replay buffer.
 
@@ -126,7 +125,6 @@ class OffPolicy:
             settings: Settings of off-policy learning.
             problem: Learning problem.
             algorithm: The algorithm.
-            replay: Creates the buffer from the arguments of `Replay`.
         """
         self._settings, self._problem, self.algorithm = settings, problem, algorithm
         self._symmetries = symmetries(problem.example()) if settings.symmetric else ()
@@ -134,7 +132,7 @@ class OffPolicy:
         if settings.symmetrize_policy:
             check_observed("symmetrize_policy", problem.observed)
             self._best = SymmetrizedPolicy(self._best, self._symmetries, problem.device)
-        self.replay = replay(
+        self.replay = Replay(
             settings.replay // problem.num_envs, problem.seeds, problem.num_envs,
             problem.observation,
             problem.action, discount=settings.discount, steps=settings.n_step,

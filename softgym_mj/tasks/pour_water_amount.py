@@ -1,15 +1,13 @@
 """The task PourWaterAmount."""
 
-from typing import Any, Unpack
+from typing import Unpack
 
 import numpy as np
 
-from softgym_mj import metrics
 from softgym_mj.entities.marks import LevelMark
-from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.metrics import Array, Measures, namespace
-from softgym_mj.tasks.shared.entries import CUP_SIZE, Entries, Entry, numbers
-from softgym_mj.tasks.shared.goals import Goals, as_points
+from softgym_mj.metrics import Array, Measures
+from softgym_mj.tasks.shared.entries import Entries, Entry, numbers
+from softgym_mj.tasks.shared.goals import Goals
 from softgym_mj.tasks.shared.pouring import PouringTask, fractions
 from softgym_mj.tasks.shared.settings import CupTaskSettings
 from softgym_mj.tasks.shared.state import Episode, State
@@ -20,44 +18,6 @@ _HALF = 0.5  # [particles] A share between two whole numbers of particles counts
 
 class PourGoals(Goals):
     """Share of the water to pour, in whole particles: k = 1."""
-
-    def __init__(self, task: Any):
-        super().__init__(task)
-        if task.actor.name != "cup":
-            raise InvalidArgumentError(
-                "actor", task.actor.name, "'cup': goals are read from its full state"
-            )
-        # Equal in all variations.
-        self._walls = {"cup": task.cup.size.wall, "target": task.target.size.wall}
-
-    def read(self, full: Array) -> tuple[State, Episode]:
-        end = 3 * self.task.max_points
-        water = as_points(full[..., :end])
-        xp = namespace(full)
-        poses, shapes = {}, {}
-        for k, (name, wall) in enumerate(self._walls.items()):
-            x, z, angle, *size = (full[..., end + CUP_SIZE * k + i] for i in range(CUP_SIZE))
-            none, half = xp.zeros_like(x), angle / 2
-            turn = xp.cos(half), none, xp.sin(half), none  # About +Y.
-            poses[name] = metrics.columns(x, none, z, *turn, angle)
-            shapes[name] = {"size": metrics.columns(*size, xp.ones_like(x) * wall)}
-        level, share = (full[..., end + CUP_SIZE * len(self._walls) + i] for i in range(2))
-        nothing = full[..., :0]
-        state = State(
-            {"water": water}, {"water": xp.any(water != 0, axis=-1)}, poses, nothing, nothing
-        )
-        return state, Episode(0, {}, shapes, {"level": level, "share": share}, 0.0)
-
-    def reached(self, state: State, episode: Episode) -> dict[str, Array]:
-        number, before = state.present["water"].sum(axis=-1), episode.goal
-        share = self.achieved(state, episode)[..., 0] + _HALF / number
-        floor = episode.shapes["target"]["size"][..., 3] / 2
-        # The height of the bar above the target's floor is proportional to the share:
-        # `PourWaterAmount.goal`.
-        return {
-            "level": floor + share * (before["level"] - floor) / before["share"],
-            "share": share,
-        }
 
     def achieved(self, state: State, episode: Episode) -> Array:
         return fractions(state, episode)["poured"][..., None]

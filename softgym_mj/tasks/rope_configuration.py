@@ -17,7 +17,7 @@ from softgym_mj.robots.workspace import ToolStart, Workspace
 from softgym_mj.tasks.shared import secondary_metrics
 from softgym_mj.tasks.shared.base import Task
 from softgym_mj.tasks.shared.entries import Entries, points
-from softgym_mj.tasks.shared.goals import Goals, as_points
+from softgym_mj.tasks.shared.goals import Goals
 from softgym_mj.tasks.shared.letters import LETTERS, letter
 from softgym_mj.tasks.shared.observations import DEFAULT_IMAGE_SIZE, GOAL_RGB
 from softgym_mj.tasks.shared.settings import TaskSettings
@@ -38,19 +38,6 @@ def goal_name(variation: int) -> str:
 class RopeGoals(Goals):
     """Goal positions of the vertices, in either direction: k = 3 n [m]."""
 
-    def read(self, full: Array) -> tuple[State, Episode]:
-        end = 3 * self.task.max_points
-        return self._made(full[..., :end], full[..., end : 2 * end], full[..., 2 * end :])
-
-    def _made(self, rope: Array, goal: Array, sensed: Array) -> tuple[State, Episode]:
-        points, places = as_points(rope), as_points(goal)
-        there = namespace(points).ones_like(points[..., 0]) > 0
-        state = State({"rope": points}, {"rope": there}, {}, sensed, sensed[..., :0])
-        return state, Episode(0, {}, {"rope": {}}, {"rope": places}, 0.0)
-
-    def reached(self, state: State, episode: Episode) -> dict[str, Array]:
-        return dict(state.points)
-
     def achieved(self, state: State, episode: Episode) -> Array:
         return metrics.flat(state.points["rope"])
 
@@ -58,7 +45,13 @@ class RopeGoals(Goals):
         return metrics.flat(episode.goal["rope"])
 
     def reward(self, achieved: Array, desired: Array) -> Array:
-        return self.task.measure(*self._made(achieved, desired, achieved[..., :0])).reward
+        none = achieved[..., :0]
+        shape = (*achieved.shape[:-1], achieved.shape[-1] // 3, 3)
+        points, places = achieved.reshape(shape), desired.reshape(shape)
+        there = namespace(points).ones_like(points[..., 0]) > 0
+        state = State({"rope": points}, {"rope": there}, {}, none, none)
+        episode = Episode(0, {}, {"rope": {}}, {"rope": places}, 0.0)
+        return self.task.measure(state, episode).reward
 
 
 class RopeConfiguration(Task):

@@ -72,7 +72,7 @@ def test_a_policy_that_is_kept_does_what_is_evaluated():
 def test_what_has_no_forms_is_not_averaged():
     with pytest.raises(InvalidArgumentError, match="symmetrize_policy"):
         OffPolicySettings(symmetrize_policy=True)
-    method = find_method("sac_hindsight", symmetric=True, symmetrize_policy=True, hidden=(8,))
+    method = find_method("sac", symmetric=True, symmetrize_policy=True, hidden=(8,))
     problem = Problem("rope_configuration", {}, [0], 2, (36,), 8, 1.0, "cpu", "full")
     with pytest.raises(InvalidArgumentError, match="observation"):
         method.make(method.settings, problem)

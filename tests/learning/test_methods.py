@@ -18,7 +18,6 @@ ROPE = TrainingSettings(
     final_episodes=1, fidelity="fast", episode_steps=6,
 )  # fmt: skip
 PIXELS = dataclasses.replace(ROPE, observation="rgb", image_size=(36, 38))
-GOALS = dataclasses.replace(ROPE, task="rope_configuration", observation="full")
 OFF_POLICY = {"random_steps": 8, "updates": 2, "batch": 8, "replay": 24, "hidden": (8,)}
 IMAGES = {**OFF_POLICY, "channels": 4, "features": 6}
 # Settings of the training and of the method.
@@ -27,7 +26,6 @@ CASES = {
         ROPE,
         {**OFF_POLICY, "n_step": 2, "symmetric": True},
     ),
-    "sac_hindsight": (GOALS, {**OFF_POLICY, "symmetric": True}),
     "rlpd": (
         dataclasses.replace(ROPE, part=12, evaluate_every=2),
         {**OFF_POLICY, "demonstrations": 2, "jobs": 1, "updates": 4, "actor_every": 2, "n_step": 2,
@@ -52,7 +50,7 @@ CASES = {
 
 # Methods with the networks of drq and of distill.
 SAME_POLICIES = ("curl", "teacher_student")
-LONG = (*SAME_POLICIES, "sac_hindsight", "wu")  # The others have their learners and more.
+LONG = (*SAME_POLICIES, "wu")  # The others have their learners and more.
 
 
 class _Killed(Exception):
@@ -181,7 +179,6 @@ BAD_SETTINGS = {
     "sac": [
         ("tau", 0.0), ("discount", 1.5), ("actor_every", 0), ("target_entropy", 0.7),
     ],
-    "sac_hindsight": [("share", 1.5), ("tau", 0.0)],
     "rlpd": [
         ("critics", 0), ("least_of", 11), ("demonstrations", 0), ("demonstrations", 801),
         ("jobs", 0), ("tau", 0.0),

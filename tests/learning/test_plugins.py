@@ -144,7 +144,7 @@ def test_a_preset_replaces_some_settings_of_another():
         (f"{__name__}:nothing", "AttributeError"),
         (f"{__name__}:untyped", "being a dataclass"),
         (f"{__name__}:NAME", "TypeError"),
-        ("sacc", "'sac_hindsight'.*'MODULE:FUNCTION'"),
+        ("sacc", "'sac'.*'MODULE:FUNCTION'"),
     ],
 )
 def test_what_is_no_method_is_refused(name, message):

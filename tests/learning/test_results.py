@@ -427,7 +427,7 @@ def test_commands_have_what_settings_replace(tmp_path):
         ("core_hours = 2\ngpu_minutes = 2", "run 1: gpu_minutes"),
         ("core_hours = 'two'", "run 1: core_hours='two'"),
         ("core_hours = ", "cannot be read"),
-        ('gpu_minutes = 2\nmethod = "sacc"', "run 1: method='sacc'.*'sac_hindsight'"),
+        ('gpu_minutes = 2\nmethod = "sacc"', "run 1: method='sacc'.*'sac'"),
     ],
 )
 def test_bad_queues_are_refused(tmp_path, change, message):

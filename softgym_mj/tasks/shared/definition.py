@@ -44,7 +44,7 @@ class Definition(composer.Task, abc.ABC):
         example_variation: variation for pictures and videos.
         softgym_name: the task's name in SoftGym.
         hidden_goal: whether the goal depends on the variation and images show it by marks only.
-        goals: `Goals` of a task whose goal is drawn in each variation, for hindsight; else None.
+        goals: `Goals` of a task whose goal is drawn in each variation; else None.
         symmetries: rotations of the world and orders of points that leave the task unchanged;
             learners can augment each step by them.
         driven: whether an `Environment` simulates as many sim steps as an action takes.

@@ -1,4 +1,4 @@
-"""Goals drawn in each variation: reading them from a state, relabeling, and comparison.
+"""Goals drawn in each variation, as numbers that the reward compares with what is achieved.
 
 A task whose goal is drawn sets `Task.goals` to its `Goals`. The goals of other tasks are fixed, or
 follow from the start state.
@@ -18,23 +18,12 @@ from softgym_mj.tasks.shared.state import Episode, State
 class Goals(abc.ABC):
     """Goals of a task, as functions of arrays.
 
-    A goal is a dict of arrays as `Task.goal` returns it, or the numbers (..., k) by which the
-    reward compares achieved and desired goals.
-
     Attributes:
         task: the task.
     """
 
     def __init__(self, task: Any):
         self.task = task
-
-    @abc.abstractmethod
-    def read(self, full: Array) -> tuple[State, Episode]:
-        """Returns what `measure` and `reduced` need, from observations "full" (..., n)."""
-
-    @abc.abstractmethod
-    def reached(self, state: State, episode: Episode) -> dict[str, Array]:
-        """Returns the goal that this state reaches, for which the reward is highest."""
 
     @abc.abstractmethod
     def achieved(self, state: State, episode: Episode) -> Array:
@@ -57,8 +46,7 @@ def goals(name: str, task: Any) -> Goals:
         task: the task.
 
     Raises:
-        InvalidArgumentError: for a task whose goal is the same in all variations, or an actor that
-            the full state does not describe.
+        InvalidArgumentError: for a task whose goal is the same in all variations.
     """
     if task.goals is None:
         raise InvalidArgumentError("task", name, "a task whose class defines `goals`")
@@ -72,8 +60,3 @@ def depends_on_goal(task: Any, name: str) -> np.ndarray:
     other = Episode(**{**vars(episode), "goal": elsewhere})
     seen, moved = (STATES[name].value(task, state, each) for each in (episode, other))
     return seen != moved
-
-
-def as_points(numbers: Array) -> Array:
-    """Returns numbers (..., 3 n) as points (..., n, 3)."""
-    return numbers.reshape((*numbers.shape[:-1], numbers.shape[-1] // 3, 3))
