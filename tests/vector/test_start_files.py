@@ -1,6 +1,8 @@
 """Files of initial states: what they give back, and what is not kept in them."""
 
+import os
 import pickle
+import time
 
 import numpy as np
 import pytest
@@ -48,10 +50,16 @@ def test_scenes_of_images_are_not_kept(folder):
     assert seen.shape == (4, 32, 32, 3) and not folder.exists()
 
 
-def test_folders_of_other_versions_are_deleted(folder):
-    (folder / "0123456789ab-0123456789ab").mkdir(parents=True)
+def test_old_folders_of_other_versions_are_deleted(folder):
+    old, young = (folder / f"{digit * 12}-0123456789ab" for digit in "01")
+    for each in (old, young):
+        each.mkdir(parents=True)
+    week = 7 * 24 * 3600
+    os.utime(old, (time.time() - week - 60,) * 2)
+    os.utime(young, (time.time() - week + 60,) * 2)
     _first("straighten_rope")
-    assert [file.name[:12] for file in folder.iterdir()] == [start_files._version()[:12]]
+    left = {file.name[:12] for file in folder.iterdir()}
+    assert left == {young.name[:12], start_files._version()[:12]}
 
 
 def test_code_of_others_is_not_kept(folder):

@@ -1,5 +1,6 @@
 """Initial states on disk, so that the next training of a task need not make them again."""
 
+import contextlib
 import functools
 import hashlib
 import importlib.metadata
@@ -8,6 +9,7 @@ import json
 import pathlib
 import pickle
 import shutil
+import time
 import zlib
 from collections.abc import Mapping
 from typing import Any
@@ -23,6 +25,7 @@ _LIBRARIES = ("mujoco", "dm_control", "numpy", "scipy")
 # Packages whose objects an argument may contain: `_version` identifies their code.
 _KNOWN = {"softgym_mj", *_LIBRARIES, "builtins", "collections", "copyreg", "functools"}
 _LARGEST = 5e6  # Size of the largest state that is kept [bytes]; cloths have 2 MB.
+_KEPT = 7 * 86_400.0  # [s] Time after which unchanged states of another version are deleted.
 _LEVEL = 1  # Compression level: cloths shrink to a seventh in a tenth of their simulation time.
 
 
@@ -30,7 +33,7 @@ class StartFiles(Store):
     """Initial states by variation, as nested dicts of arrays, of one set of arguments."""
 
     def __init__(self, pickled: bytes):
-        """Opens the folder of these arguments and deletes those of other versions of the package.
+        """Opens the folder of these arguments; deletes old ones of other versions of the package.
 
         Args:
             pickled: Arguments that determine the initial states, by cloudpickle.
@@ -39,7 +42,9 @@ class StartFiles(Store):
         parent, version = cache_folder() / "initial_states", _version()
         for folder in parent.glob("*"):
             if not folder.name.startswith(version[:12]):
-                shutil.rmtree(folder, ignore_errors=True)
+                with contextlib.suppress(FileNotFoundError):  # Another process deletes it, too.
+                    if folder.stat().st_mtime < time.time() - _KEPT:
+                        shutil.rmtree(folder, ignore_errors=True)
         specification = {"version": version, "arguments": arguments}
         super().__init__(parent / f"{version[:12]}-{arguments[:12]}", specification, CODEC)
 
