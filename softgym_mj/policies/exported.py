@@ -191,7 +191,8 @@ class _Inputs:
     def __call__(self, timestep: dm_env.TimeStep) -> dict[str, np.ndarray]:
         """Returns arrays (1, ...) by name, as Gymnasium has them: images uint8, others float32."""
         seen, named = timestep.observation, self._named
-        if named is not None and {*seen} != {*([named] if isinstance(named, str) else named)}:
+        own = {*seen} if named is None else {named} if isinstance(named, str) else {*named}
+        if not own <= seen.keys():
             raise InvalidArgumentError(
                 f"policy={self._file!r} was trained with observation={named!r}; the environment "
                 f"observes {', '.join(seen)}"
@@ -201,7 +202,7 @@ class _Inputs:
                 f"policy={self._file!r} takes one observation; the settings ask for "
                 f"{', '.join(seen)}"
             )
-        return {name: self._single(name, array, timestep) for name, array in seen.items()}
+        return {name: self._single(name, seen[name], timestep) for name in seen if name in own}
 
     def _single(self, name: str, array: np.ndarray, timestep: dm_env.TimeStep) -> np.ndarray:
         if array.dtype != np.uint8:

@@ -198,6 +198,11 @@ def test_a_policy_observes_what_its_file_names(env, tmp_path):
     act = make_policy(name, env, 3, trust=True)
     with pytest.raises(InvalidArgumentError, match=r"observation='markov'; .* observes reduced"):
         act(env.reset(800))
+    alone, among = (
+        softgym_mj.load("straighten_rope", split="all", observation=names, **SHORT).reset(800)
+        for names in ("markov", ["held", "markov"])
+    )
+    np.testing.assert_array_equal(act(among), act(alone))
 
 
 def test_the_message_for_another_task_names_that_of_the_training(tmp_path):
