@@ -102,7 +102,8 @@ def record(
     ] = None,
     format: Annotated[str, typer.Option(help="minari or lerobot.")] = "minari",
     codec: Annotated[
-        str | None, typer.Option(help="Video codec of LeRobot; AV1 (libsvtav1) if not given.")
+        str | None,
+        typer.Option(help="Codec of LeRobot's images: videos, AV1 if not given, or png."),
     ] = None,
     author: Annotated[str | None, typer.Option(help="Author of a Minari dataset.")] = None,
     author_email: Annotated[str | None, typer.Option(help="E-mail of the author.")] = None,

@@ -1,4 +1,4 @@
-"""LeRobot datasets, version 3.0: numbers as Parquet, images as videos.
+"""LeRobot datasets, version 3.0: numbers as Parquet, images as videos or PNG.
 
 LeRobot itself writes them. A row has the observation before an env step, the action and its
 outcome; the last observation of an episode is omitted.
@@ -21,9 +21,11 @@ from softgym_mj.recording.datasets import Format
 from softgym_mj.recording.episodes import LABEL
 from softgym_mj.rendering.observables import EXTERNAL, EXTERNAL_RGB, WRIST_RGB
 from softgym_mj.robots.base import Actor
+from softgym_mj.robots.gripper import HELD
 from softgym_mj.tasks.shared.observations import GOAL_RGB
 
-CODECS = ("libsvtav1", "h264", "hevc", "auto")  # Codecs of LeRobot, its default first.
+PNG = "png"  # Images as such in the Parquet files, without loss.
+CODECS = ("libsvtav1", "h264", "hevc", "auto", PNG)  # LeRobot's default first.
 # Observations that are states, and LeRobot's features for them, in order.
 _STATES = ("proprioception", "reduced", "markov", "full")
 _PLACES = ("observation.state", "observation.environment_state")
@@ -69,12 +71,12 @@ class Column(NamedTuple):
     Attributes:
         values: Values over the env steps (n, ...).
         names: Names of its numbers, or of the axes of an image; None if they have none.
-        is_film: Whether it is encoded as a video.
+        is_image: Whether it is a color image, which is encoded as a video or as PNG.
     """
 
     values: np.ndarray
     names: list[str] | None = None
-    is_film: bool = False
+    is_image: bool = False
 
 
 class LeRobot(Format):
@@ -84,7 +86,7 @@ class LeRobot(Format):
     observation = "proprioception", "reduced"
 
     def __init__(self, codec: str = CODECS[0]):
-        """Sets the video codec, one of `CODECS`; "auto" selects a hardware encoder.
+        """Sets the codec of images, one of `CODECS`; "auto" selects a hardware encoder.
 
         Raises:
             InvalidArgumentError: for another codec.
@@ -112,7 +114,7 @@ class LeRobot(Format):
             raise InvalidArgumentError("observation", tuple(observed), valid)
         for spec in observed.values():
             height, width = spec.shape[-3:-1] if _is_seen(spec.dtype, len(spec.shape)) else (0, 0)
-            if self._codec != CODECS[0] and (height % 2 or width % 2):
+            if self._codec not in (CODECS[0], PNG) and (height % 2 or width % 2):
                 valid = f"even numbers with codec={self._codec!r}"
                 raise InvalidArgumentError("image_size", (height, width), valid)
 
@@ -138,10 +140,11 @@ class LeRobot(Format):
                 writer = writer or datasets.LeRobotDataset.create(
                     dataset,
                     FrameRate(1.0 / played.control_timestep()),
-                    {key: _feature(column) for key, column in result.items()},
+                    {key: self._feature(column) for key, column in result.items()},
                     root=made,  # LeRobot requires a folder that does not exist.
                     robot_type=actor.name,
-                    rgb_encoder=video.RGBEncoderConfig(vcodec=self._codec),
+                    use_videos=self._codec != PNG,
+                    rgb_encoder=None if self._codec == PNG else video.RGBEncoderConfig(self._codec),
                 )
                 for k in range(len(episode["actions"])):
                     step = {key: column.values[k] for key, column in result.items()}
@@ -152,6 +155,12 @@ class LeRobot(Format):
         for path in made.iterdir():
             path.rename(folder / path.name)
         made.rmdir()
+
+    def _feature(self, column: Column) -> dict[str, Any]:
+        """Returns LeRobot's description of a feature."""
+        image = "image" if self._codec == PNG else "video"
+        kind = image if column.is_image else column.values.dtype.name
+        return {"dtype": kind, "shape": column.values.shape[1:], "names": column.names}
 
 
 def _played(env: gymnasium.Env) -> Environment:
@@ -164,10 +173,10 @@ def columns(episode: Mapping[str, Any], names: Sequence[str], actor: Actor) -> d
     """Returns the features of an episode of n env steps.
 
     "action" is the action to imitate; with noise it is the policy's own action, and
-    "executed_action" the applied one. "observation.state" is proprioception and
-    "observation.environment_state" a state of the task, which is "observation.state" without
-    proprioception. Images are "observation.images.CAMERA"; other observations keep their names,
-    such as "observation.depth".
+    "executed_action" the applied one. "observation.state" is proprioception, then `held` if
+    observed, and "observation.environment_state" a state of the task, which is "observation.state"
+    without proprioception. Images are "observation.images.CAMERA"; other observations keep their
+    names, such as "observation.depth".
 
     Args:
         episode: Value of `episodes.nested`.
@@ -197,6 +206,11 @@ def observed(observations: Mapping[str, np.ndarray], actor: Actor) -> dict[str, 
         place: Column(observations[name], _sensed(actor) if name == _STATES[0] else None)
         for place, name in zip(_PLACES, states, strict=False)
     }
+    if _STATES[0] in states and HELD in observations:
+        values, held = observations[_STATES[0]], observations[HELD]
+        names = [*_sensed(actor), *(f"gripper {i} holds" for i in range(held.shape[1]))]
+        states.append(HELD)
+        result[_PLACES[0]] = Column(np.hstack([values, held.astype(values.dtype)]), names)
     cameras = {"rgb": ("task",), GOAL_RGB: ("goal",), EXTERNAL_RGB: EXTERNAL}
     cameras[WRIST_RGB] = actor.wrists
     for name in observations.keys() - set(states):
@@ -207,7 +221,7 @@ def observed(observations: Mapping[str, np.ndarray], actor: Actor) -> dict[str, 
         views = values[:, None] if values.ndim == 1 + _PICTURE else values
         for k, camera in enumerate(cameras.get(name, (name,))):
             key = f"observation.images.{camera}"
-            result[key] = Column(views[:, k], ["height", "width", "channels"], is_film=True)
+            result[key] = Column(views[:, k], ["height", "width", "channels"], is_image=True)
     return dict(sorted(result.items()))
 
 
@@ -223,9 +237,3 @@ def _sensed(actor: Actor) -> list[str]:
         for what, size in actor.senses.items()
         for k in range(size)
     ]
-
-
-def _feature(column: Column) -> dict[str, Any]:
-    """Returns LeRobot's description of a feature."""
-    kind = "video" if column.is_film else column.values.dtype.name
-    return {"dtype": kind, "shape": column.values.shape[1:], "names": column.names}

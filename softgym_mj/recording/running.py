@@ -72,8 +72,8 @@ def record(
         dataset: Id of the dataset; None for `dataset_name` of task, policy, actor, grasp, action
             and noise.
         format: "minari" or "lerobot".
-        codec: Codec of LeRobot's videos: "libsvtav1" (AV1, the default), "h264", "hevc" or "auto".
-            Minari's images are lossless.
+        codec: Codec of LeRobot's videos: "libsvtav1" (AV1, the default), "h264", "hevc" or "auto";
+            "png" stores images without loss. Minari's images are lossless.
         seed, trust: Arguments of `make_policy`; the seed is also that of the noise.
         successful_only: Whether to omit episodes whose last `info["success"]` is false.
         idle: "keep", or "drop" to truncate an episode when the expert has `finished` and cloth or

@@ -42,14 +42,16 @@ def test_columns_by_hand(actor):
     observations = {
         "depth": _over_time(4, 6),
         "external_rgb": pictures,
+        "held": np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.uint8),
         "proprioception": _over_time(6),
         "reduced": _over_time(36),
         "rgb": pictures[:, 1],
     }
     episode = _episode(observations, expert_action=own[:COUNT])
     result = columns(episode, tuple(observations), actor)
+    holds = np.array([[0, 0], [1, 0], [1, 1]], np.float32)
     expected = {
-        "observation.state": observations["proprioception"][:COUNT],
+        "observation.state": np.hstack([observations["proprioception"][:COUNT], holds]),
         "observation.environment_state": observations["reduced"][:COUNT],
         "observation.depth": observations["depth"][:COUNT],
         "observation.images.task": pictures[:COUNT, 1],
@@ -65,8 +67,9 @@ def test_columns_by_hand(actor):
     assert set(result) == set(expected)
     for key, values in expected.items():
         np.testing.assert_array_equal(result[key].values, values, strict=True)
-        assert result[key].is_film == key.startswith("observation.images.")
+        assert result[key].is_image == key.startswith("observation.images.")
     assert result["observation.state"].names[3] == "gripper 1 (x, y, z) [m], 0"
+    assert result["observation.state"].names[6:] == ["gripper 0 holds", "gripper 1 holds"]
     ways = ("dx [m]", "dy [m]", "dz [m]", "grip")
     assert result["action"].names[:4] == [f"gripper 0, {way}" for way in ways]
 
@@ -108,11 +111,11 @@ def _lerobot(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     ("codec", "error"),  # Mean error of pixels, of 255; their number is small, chroma halved.
-    [("libsvtav1", 6.0), ("h264", 6.0)],
+    [("libsvtav1", 6.0), ("h264", 6.0), ("png", 1e-4)],
 )
 def test_it_reads_what_minari_reads(lerobot, codec, error):
     how = {
-        "observation": ["proprioception", "reduced", "rgb"],
+        "observation": ["proprioception", "held", "reduced", "rgb"],
         "image_size": (64, 96),
         "horizon": 12,
         "noise": 0.05,
@@ -123,11 +126,13 @@ def test_it_reads_what_minari_reads(lerobot, codec, error):
     assert result.meta.info.codebase_version == "v3.0" and result.meta.robot_type == "picker"
     errors = []
     for number, episode in enumerate(expected):
+        seen = episode.observations
+        state = np.hstack([seen["proprioception"], seen["held"].astype(np.float32)])
         for k in range(12):
             row = result[12 * number + k]
             for key, values in (
-                ("observation.state", episode.observations["proprioception"]),
-                ("observation.environment_state", episode.observations["reduced"]),
+                ("observation.state", state),
+                ("observation.environment_state", seen["reduced"]),
                 ("action", episode.infos["expert_action"]),
                 ("executed_action", episode.actions),
             ):
@@ -139,10 +144,10 @@ def test_it_reads_what_minari_reads(lerobot, codec, error):
             assert row["timestamp"] == np.float32(k / 12.5)
             assert row["task"] == softgym_mj.registry.TASKS[ROPE].summary
             picture = 255 * row["observation.images.task"].numpy().transpose(1, 2, 0)
-            errors.append(np.abs(picture - episode.observations["rgb"][k]).mean())
+            errors.append(np.abs(picture - seen["rgb"][k]).mean())
     assert max(errors) < error
     films = list(pathlib.Path(result.root).glob("videos/observation.images.task/chunk-*/*.mp4"))
-    assert len(films) == 1
+    assert len(films) == (codec != "png")
 
 
 def test_it_gives_chunks_of_actions(lerobot):
