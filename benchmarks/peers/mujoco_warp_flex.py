@@ -1,0 +1,117 @@
+"""MuJoCo Warp: a flex whose membrane and plate have the fabric's stiffness, with self-collision.
+
+Settings are those of MuJoCo's own cloth models: elastic2d="both" integrated implicitly, solver CG
+with a tolerance of 1e-6, contacts with solref="0.01 1" and solimp=".95 .99 .0001" (drape.xml), time
+step 2 ms (the default), selfcollide="auto" with friction (cloth benchmark of MuJoCo Warp). Contacts
+are constraints, because MuJoCo's passive contacts have no friction.
+"""
+
+import math
+from typing import Any
+
+import mujoco
+import mujoco_warp
+import numpy as np
+import warp as wp
+
+from benchmarks.peers.scene import STEP, Scene
+
+TIMESTEP = 0.002  # [s] MuJoCo's default.
+CONTACT = 'solref="0.01 1" solimp=".95 .99 .0001"'
+HOLD = 'solref="0.004 1" solimp=".99 .999 .001"'
+# Room per environment and vertex for contacts, which include candidates, and for constraints.
+CONTACTS, CONSTRAINTS = 20, 16
+
+
+def spec(scene: Scene) -> str:
+    """Returns the MJCF of a scene: the cloth hangs vertically, two equalities hold its corners."""
+    fabric = scene.fabric
+    # Young's modulus and thickness of a plate with this stretch and bending stiffness.
+    thickness = math.sqrt(12.0 * fabric.bend_stiffness / fabric.stretch_stiffness)
+    young = fabric.stretch_stiffness / thickness
+    points, elements = (
+        " ".join(map(repr, array.ravel().tolist())) for array in (scene.points(), scene.triangles)
+    )
+    holds = "".join(f'<connect body1="cloth_{i}" anchor="0 0 0" {HOLD}/>' for i in scene.held)
+    return f"""
+<mujoco>
+  <option timestep="{TIMESTEP}" integrator="discrete" solver="CG" tolerance="1e-6"
+          jacobian="sparse"/>
+  <worldbody>
+    <geom type="plane" size="0 0 1" friction="{fabric.friction}" {CONTACT}/>
+    <flexcomp name="cloth" type="direct" dim="2" mass="{scene.mass}" radius="{fabric.thickness / 2}"
+              point="{points}" element="{elements}">
+      <contact selfcollide="auto" condim="3" friction="{fabric.layer_friction}" {CONTACT}/>
+      <elasticity young="{young}" poisson="0" thickness="{thickness}"
+                  damping="{fabric.stretch_damping}" elastic2d="both"/>
+    </flexcomp>
+  </worldbody>
+  <equality>{holds}</equality>
+</mujoco>"""
+
+
+class MujocoWarpFlex:
+    """A `Simulation` by MuJoCo Warp: a world per environment, a CUDA graph per step."""
+
+    substeps = round(STEP / TIMESTEP)
+
+    def __init__(self, scene: Scene, num_envs: int, device: str):
+        """Compiles the model and captures a step; `device` is "cpu" or "cuda"."""
+        wp.set_device(device)
+        model, count = mujoco.MjModel.from_xml_string(spec(scene)), scene.num_points
+        self._origin, self._graph = scene.points(), None
+        self.settings: dict[str, Any] = {
+            "mujoco_warp": mujoco_warp.__version__,
+            "mujoco": mujoco.__version__,
+            "precision": "float32",
+            "integrator": "discrete",
+            "iterations": model.opt.iterations,
+        }
+        self._model = mujoco_warp.put_model(model)
+        self._model.opt.warn_overflow = 0  # Messages of kernels would be timed; `problems` remains.
+        self._data = mujoco_warp.make_data(
+            model, num_envs, nconmax=CONTACTS * count, njmax=CONSTRAINTS * count
+        )
+        offsets = (scene.starts(num_envs) - self._origin).reshape(num_envs, -1)
+        self._start = wp.array(offsets, dtype=float)
+        self.restart()
+        self._steps()  # Compiles the kernels.
+        if wp.get_device().is_cuda:
+            with wp.ScopedCapture() as capture:
+                self._steps()
+            self._graph = capture.graph
+        self.restart()
+
+    def _steps(self) -> None:
+        for _ in range(self.substeps):
+            mujoco_warp.step(self._model, self._data)
+
+    def restart(self) -> None:
+        mujoco_warp.reset_data(self._model, self._data)
+        wp.copy(self._data.qpos, self._start)
+        self._data.eq_active.fill_(True)
+
+    def step(self) -> None:
+        if self._graph is None:
+            self._steps()
+        else:
+            wp.capture_launch(self._graph)
+
+    def wait(self) -> None:
+        wp.synchronize_device()
+
+    def release(self) -> None:
+        self._data.eq_active.fill_(False)
+
+    def positions(self, number: int) -> np.ndarray:
+        slides = self._data.qpos[:number].numpy().astype(float)
+        return slides.reshape(number, -1, 3) + self._origin
+
+    def peak_memory(self) -> float | None:
+        if not wp.get_device().is_cuda:
+            return None
+        return wp.get_mempool_used_mem_high(wp.get_device()) / 1e9
+
+    def problems(self) -> list[str]:
+        bits = np.bitwise_or.reduce(self._data.overflow.numpy())
+        return [flag.name for flag in mujoco_warp.OverflowType if bits & flag]
