@@ -71,7 +71,9 @@ inline void MoveBodies(const Environment& w) {
 
 // Propagates the impulses of a sweep to the other bodies of each tree.
 inline void ShareImpulses(const Environment& w) {
-  if (TouchesBodies(w)) Once([&] { ShareImpulses(w.bodies, w.model->bodies, [&](int) { return w.dofs; }); });
+  const int number = TouchesBodies(w) ? w.model->bodies : 0;
+  Each(number, [&](int b) { TakeImpulses(w.bodies, number, b, [&](int) { return w.dofs; }); });
+  Each(number, [&](int b) { EndImpulses(&w.bodies[b]); });
 }
 
 // Ends a substep.

@@ -252,7 +252,9 @@ void Bodies::Push(const double arm[3], const double impulse[3], Body* body) {
 
 void Bodies::Share() {
   const auto dofs = [this](int b) { return trees_[bodies_[b].tree].count; };
-  ShareImpulses(bodies_.data(), static_cast<int>(bodies_.size()), dofs);
+  const int number = static_cast<int>(bodies_.size());
+  for (int b = 0; b < number; ++b) TakeImpulses(bodies_.data(), number, b, dofs);
+  for (Body& body : bodies_) EndImpulses(&body);
 }
 
 void Bodies::Finish() {

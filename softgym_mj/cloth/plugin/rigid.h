@@ -38,31 +38,37 @@ inline void FinishRigid(const Rigid& rigid, Displacement* so_far) {
   for (int k = 0; k < 4; ++k) so_far->turn[k] = turn[k];
 }
 
-// Propagates the impulses of a sweep to the other bodies of each tree. `dofs(b)`: number of degrees of freedom of the
+// Moves body `o` by the impulses of a sweep on other bodies of its tree. `dofs(b)`: number of degrees of freedom of the
 // tree of body b.
 template <class B, class F>
-inline void ShareImpulses(B* bodies, int number, F dofs) {
+inline void TakeImpulses(B* bodies, int number, int o, F dofs) {
+  B& own = bodies[o];
+  double move[6];
+  for (int k = 0; k < 6; ++k) move[k] = own.rigid.move[k];
   for (int b = 0; b < number; ++b) {
-    B& body = bodies[b];
-    double* impulse = body.rigid.impulse;
+    const B& body = bodies[b];
+    const double* impulse = body.rigid.impulse;
     bool pushed = false;
     for (int k = 0; k < 6; ++k) pushed |= impulse[k] != 0;
-    if (!pushed) continue;
-    body.touched = true;
-    for (int o = 0; o < number; ++o) {
-      B& other = bodies[o];
-      if (o == b || other.tree != body.tree || !other.rigid.gives_way) continue;
-      const int n = dofs(b);
-      for (int i = 0; i < n; ++i) {
-        double response = 0;
-        for (int k = 0; k < 6; ++k) response += body.response[6 * i + k] * impulse[k];
-        for (int k = 0; k < 6; ++k) other.rigid.move[k] += other.jacobian[n * k + i] * response;
-      }
+    if (!pushed || o == b || own.tree != body.tree || !own.rigid.gives_way) continue;
+    const int n = dofs(b);
+    for (int i = 0; i < n; ++i) {
+      double response = 0;
+      for (int k = 0; k < 6; ++k) response += body.response[6 * i + k] * impulse[k];
+      for (int k = 0; k < 6; ++k) move[k] += own.jacobian[n * k + i] * response;
     }
-    for (int k = 0; k < 6; ++k) {
-      body.impulse[k] += impulse[k];
-      impulse[k] = 0;
-    }
+  }
+  for (int k = 0; k < 6; ++k) own.rigid.move[k] = move[k];
+}
+
+// Ends a sweep: adds its impulses to those of the step.
+template <class B>
+inline void EndImpulses(B* body) {
+  for (int k = 0; k < 6; ++k) {
+    double* impulse = body->rigid.impulse + k;
+    body->touched |= *impulse != 0;
+    body->impulse[k] += *impulse;
+    *impulse = 0;
   }
 }
 
