@@ -30,6 +30,13 @@ struct Rows {
   int begin[kMostColors + 1], filled[kMostColors];
 };
 
+// Blocks of near layer rows with an impulse in this substep, by color: only they are swept again.
+struct PushingBlocks {
+  int* pushes;  // (blocks,) Whether a block has an impulse.
+  int* block;   // Those blocks, in order.
+  int begin[kMostColors + 1], colors;
+};
+
 // A gripper, or a body of solids, during a step; as `Body` of the plugin.
 struct Mover {
   Rigid rigid;
@@ -72,6 +79,7 @@ struct Step {
   int num_sides;
   double low[3], high[3];  // Box around the vertices [m].
   Rows layers, near_layers[2];
+  PushingBlocks pushing[2];  // Of near layers.
 };
 
 struct Environment {
@@ -170,8 +178,12 @@ inline void TakeNear(const Model& model, Memory* memory, Environment* w) {
   for (int g = 0; g < 2; ++g) {
     TakeRows(memory, model.rows, 4, kMostColors, w->step ? &w->step->near_layers[g] : nullptr);
     LayerBlock* blocks;
+    int *pushes, *block;
     memory->Take(&blocks, Blocks(model.rows, kMostColors));
+    memory->Take(&pushes, Blocks(model.rows, kMostColors));
+    memory->Take(&block, Blocks(model.rows, kMostColors));
     w->near_layers[g] = blocks;
+    if (w->step) w->step->pushing[g].pushes = pushes, w->step->pushing[g].block = block;
   }
 }
 

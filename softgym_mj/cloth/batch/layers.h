@@ -170,6 +170,43 @@ inline void EachLayer(const Environment& w, bool near, F f) {
   }
 }
 
+// Lists the blocks of near rows with an impulse after their first sweep in a substep; the others wait for the next one.
+inline void ListPushing(const Environment& w) {
+  for (int g = 0; g < kFarGroup; ++g) {
+    const LayerGroup group = GroupOf(w, g);
+    int* pushes = w.step->pushing[g].pushes;
+    Each(group.rows->blocks, [&](int b) {
+      bool any = false;
+      for (int lane = 0; lane < kBlock; ++lane) any |= group.blocks[b].impulse[lane] > 0;
+      pushes[b] = any;
+    });
+  }
+  Each(kFarGroup, [&](int g) {
+    const Rows& rows = *GroupOf(w, g).rows;
+    PushingBlocks& pushing = w.step->pushing[g];
+    int count = 0, colors = 0;
+    for (int color = 0; color < rows.colors; ++color) {
+      const int first = count;
+      for (int b = rows.begin[color]; b < rows.begin[color + 1]; ++b) {
+        if (pushing.pushes[b]) pushing.block[count++] = b;
+      }
+      if (count > first) pushing.begin[colors++] = first;
+    }
+    pushing.begin[colors] = count;
+    pushing.colors = colors;
+  });
+}
+
+// Calls f(block) for the blocks of near rows that `ListPushing` has listed.
+template <class F>
+inline void EachPushing(const Environment& w, F f) {
+  for (int g = 0; g < kFarGroup; ++g) {
+    const LayerGroup group = GroupOf(w, g);
+    const PushingBlocks& pushing = w.step->pushing[g];
+    EachBlockOf(pushing.begin, pushing.colors, [&](int i) { f(group.blocks + pushing.block[i]); });
+  }
+}
+
 inline void KeepGroup(const Environment& w, int g) {
   const Model& m = *w.model;
   const LayerGroup group = GroupOf(w, g);

@@ -182,10 +182,9 @@ inline void WarmContacts(const Environment& w) {
   });
 }
 
-// Sweeps contacts near bodies.
-inline void SweepNear(const Environment& w, SweepPass pass, bool layers, bool plane) {
-  if (layers) EachLayer(w, true, [&](LayerBlock* block) { SweepLayers(w.points, w.model->contact, block, pass); });
-  if (!plane || !TouchesBodies(w)) return;
+// Sweeps vertices near bodies against the floor.
+inline void SweepNearPlane(const Environment& w, SweepPass pass) {
+  if (!TouchesBodies(w)) return;
   EachPlaneBlock(w, true,
                  [&](const Plane& near, int first) { SweepPlane(w.points, w.model->plane_row, near, first, pass); });
 }
@@ -205,7 +204,7 @@ inline void Substep(const Environment& w, int substep, int search_interval) {
   if (m.takes_air) EachBlock(0, blocks, [&](int b) { MoveAir(w.points, kBlock * b); });
   if (warm) WarmContacts(w);
   TwoWayPass(w, [&] {
-    SweepNear(w, pass, true, false);
+    EachLayer(w, true, [&](LayerBlock* block) { SweepLayers(w.points, m.contact, block, pass); });
     EachLayer(w, false, [&](LayerBlock* block) { SweepLayers(w.points, m.contact, block, once); });
   });
   if (substep + 1 == m.substeps) Each(4 * m.padded, [&](int i) { w.with_layers[i] = w.points.now[i]; });
@@ -213,12 +212,16 @@ inline void Substep(const Environment& w, int substep, int search_interval) {
   TwoWayPass(w, [&] {
     EachPlaneBlock(w, false,
                    [&](const Plane& plane, int first) { SweepPlane(w.points, m.plane_row, plane, first, once); });
-    SweepNear(w, pass, false, true);
+    SweepNearPlane(w, pass);
   });
+  if (repeats) ListPushing(w);
   for (int sweep = 1; repeats && sweep < m.sweeps; ++sweep) {
     const SweepPass again = {false, sweep + 1 == m.sweeps};
     SweepTouches(w, again);
-    TwoWayPass(w, [&] { SweepNear(w, again, true, true); });
+    TwoWayPass(w, [&] {
+      EachPushing(w, [&](LayerBlock* block) { SweepLayers(w.points, m.contact, block, again); });
+      SweepNearPlane(w, again);
+    });
   }
   FinishBodies(w);
   AddHoldingForces(w, 1 / (m.h * m.h * m.substeps));
