@@ -66,6 +66,7 @@ inline void EachBlockOf(const int* begin, int parts, F f) {
 inline int Add(int* p, int n) { return atomicAdd(p, n); }
 inline int Exchange(int* p, int n) { return atomicExch(p, n); }
 inline void TakeLeast(Key* p, Key key) { atomicMin(p, key); }
+inline void TakeLeast(int* p, int n) { atomicMin(p, n); }
 // Numbers must not be negative.
 inline void TakeLargest(float* p, float a) { atomicMax(reinterpret_cast<int*>(p), __float_as_int(a)); }
 inline void TakeLargest(double* p, double a) { atomicMax(reinterpret_cast<long long*>(p), __double_as_longlong(a)); }
@@ -135,6 +136,50 @@ inline void SetBits(int* p, int bits) { *p |= bits; }
 inline int FirstBit(Key bits) { return __builtin_ctzll(bits); }
 
 #endif  // __CUDACC__
+
+#ifdef __CUDACC__
+
+// Makes the visits make(i) for 0 <= i < count as if one after the other: `Acts`, `Act` if that returned true, `End`.
+// Each eight threads have a visit. All find out whether theirs acts, the first of those acts, and the visits after it
+// find out again: time is spent only where visits act.
+template <class F>
+inline void InSequence(int count, F make) {
+  SGM_SHARED int acting[3];  // First visit that acts, in three rounds.
+  const int visits = static_cast<int>(blockDim.x) / kLanes, own = static_cast<int>(threadIdx.x) / kLanes;
+  if (threadIdx.x == 0) acting[0] = acting[1] = acting[2] = visits;
+  Wait();
+  int round = 0;
+  for (int begin = 0; begin < count; begin += visits) {
+    const bool has_one = begin + own < count;
+    auto visit = make(has_one ? begin + own : begin);
+    for (bool waits = has_one;;) {
+      if (waits && visit.Acts()) OneLane([&] { TakeLeast(&acting[round], own); });
+      Wait();
+      const int next = acting[round];
+      if (threadIdx.x == 0) acting[(round + 2) % 3] = visits;  // All have read it.
+      round = (round + 1) % 3;
+      if (next == visits) break;
+      if (own == next) visit.Act();
+      waits = waits && own > next;
+      Wait();
+    }
+    if (has_one) visit.End();
+  }
+  Wait();
+}
+
+#else
+
+template <class F>
+inline void InSequence(int count, F make) {
+  for (int i = 0; i < count; ++i) {
+    auto visit = make(i);
+    if (visit.Acts()) visit.Act();
+    visit.End();
+  }
+}
+
+#endif
 
 constexpr int kMostThreads = 1024;  // Largest group.
 

@@ -219,45 +219,39 @@ SGM_APART void FindTouches(const Environment& w, int substeps) {
   });
 }
 
-// Calls f(block, row, body) for all blocks, in the order of geoms. Those of bodies that give way follow each other,
-// because they act on each other through their body: one lane group calls f for the active ones.
+// Makes the visits make(block, row, body) of all blocks that may touch, in the order of geoms. Those of bodies that
+// give way follow each other, because they act on each other through their body.
 template <class F>
-inline void EachTouch(const Environment& w, F f) {
+inline void EachTouch(const Environment& w, F make) {
   const Model& m = *w.model;
-  const int touches = m.grippers + Solids(m);
-  const auto at = [&](int i) { return kSolids ? m.At<int>(m.order_at)[i] : i; };
-  const auto rigid_at = [&](int i) { return RigidOf(w, m.At<Solid>(m.solids_at)[at(i)]); };
-  const auto gives_way = [&](int i) { return kSolids && rigid_at(i) && rigid_at(i)->gives_way; };
-  for (int i = 0, end; i < touches; i = end) {
-    for (end = i; end < touches && gives_way(end);) ++end;
-    if (end > i) {
-      EachBlock(0, 1, [&](int) {
-        for (int k = i; k < end; ++k) {
-          const Touch& touch = w.touch[at(k)];
-          Rigid* rigid = rigid_at(k);
-          for (int b = 0; b < touch.num_active; ++b) f(touch.active[b], m.contact, rigid);
-        }
-      });
+  for (int i = 0; i < m.grippers + Solids(m); ++i) {
+    const int t = kSolids ? m.At<int>(m.order_at)[i] : i;
+    const Touch& touch = w.touch[t];
+    Rigid* rigid = RigidOf(w, m.At<Solid>(m.solids_at)[t]);
+    if (kSolids && rigid && rigid->gives_way) {
+      if (touch.num_active == 0) continue;
+      InSequence(touch.num_active, [&](int b) { return make(touch.active[b], m.contact, rigid); });
       continue;
     }
-    const Touch& touch = w.touch[at(i)];
-    Rigid* rigid = rigid_at(i);
-    const ContactRow& row = rigid ? m.solid_row : m.contact;
-    EachColor(touch.points, [&](int b) { f(touch.point_blocks + b, row, rigid); });
-    EachColor(touch.triangles, [&](int b) { f(touch.triangle_blocks + b, row, rigid); });
-    ++end;
+    const auto visit = [&](SolidBlock* block) {
+      if (block->active) Make(make(block, rigid ? m.solid_row : m.contact, rigid));
+    };
+    EachColor(touch.points, [&](int b) { visit(touch.point_blocks + b); });
+    EachColor(touch.triangles, [&](int b) { visit(touch.triangle_blocks + b); });
   }
   ShareImpulses(w);
 }
 
 inline void SweepTouches(const Environment& w, SweepPass pass) {
   EachTouch(w, [&](SolidBlock* block, const ContactRow& row, Rigid* rigid) {
-    SweepSolid(w.points, row, block, rigid, pass);
+    return SolidSweep(w.points, row, block, rigid, pass);
   });
 }
 
 inline void WarmTouches(const Environment& w) {
-  EachTouch(w, [&](SolidBlock* block, const ContactRow&, Rigid* rigid) { WarmSolid(w.points, block, rigid, kWarm); });
+  EachTouch(w, [&](SolidBlock* block, const ContactRow&, Rigid* rigid) {
+    return SolidWarmStart(w.points, block, rigid, kWarm);
+  });
 }
 
 }  // namespace

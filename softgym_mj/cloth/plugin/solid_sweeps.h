@@ -176,54 +176,108 @@ inline void PushSolid(const Points& points, const SolidBlock& block, const Lanes
   WaitLanes();
 }
 
+// A block of rows in a sweep. Its calls: `Acts`, then `Act` if that returned true, and `End`.
+class SolidSweep {
+ public:
+  SolidSweep(const Points& points, const ContactRow& row, SolidBlock* block, Rigid* body, SweepPass pass)
+      : points_(points), row_(row), block_(block), body_(body), pass_(pass) {
+    gap_ = Lanes::Load(block->gap), mass_ = Lanes::Load(block->mass);
+    normal_ = Load3(block->normal), arm_ = Load3(block->arm);
+    for (int k = 0; k < 3; ++k) weight_[k] = Lanes::Load(block->weight[k]);
+    old_ = pass.first ? Lanes(0.0f) : Lanes::Load(block->impulse);
+    held_ = {Lanes(0.0f), Lanes(0.0f), Lanes(0.0f)};
+  }
+
+  // Computes the impulses at the current motion of vertices and body; returns whether a row has or had one.
+  bool Acts() {
+    const Lanes gamma(row_.gamma), zero(0.0f);
+    moved_ = {zero, zero, zero};
+    for (int k = 0; k < 3; ++k) {
+      Lanes unused;
+      const int* vertex = block_->vertex[k];
+      moved_ =
+          AddScaled(moved_, weight_[k], Gather(points_.now, vertex, &unused) - Gather(points_.before, vertex, &unused));
+    }
+    if (body_) {
+      float m[6];
+      for (int i = 0; i < 6; ++i) m[i] = static_cast<float>(body_->move[i]);
+      const Lanes3 turned = {Lanes(m[3]), Lanes(m[4]), Lanes(m[5])};
+      const Lanes3 along = {NegativeMultiplyAdd(turned.z, arm_.y, turned.y * arm_.z),
+                            NegativeMultiplyAdd(turned.x, arm_.z, turned.z * arm_.x),
+                            NegativeMultiplyAdd(turned.y, arm_.x, turned.x * arm_.y)};
+      moved_ = moved_ - along - Lanes3{Lanes(m[0]), Lanes(m[1]), Lanes(m[2])};
+    }
+    way_ = Inner(normal_, moved_);
+    const Lanes violation = MultiplyAdd(gamma, old_, ContactViolation(gap_, way_, Lanes(row_.b), Lanes(row_.recovery)));
+    impulse_ = Min(Max(old_ - violation / (mass_ + gamma), zero), Lanes(row_.most));
+    acts_ = Bits(Less(zero, Max(old_, impulse_))) != 0;
+    return acts_;
+  }
+
+  // Pushes vertices and body.
+  void Act() {
+    const Lanes3 old_held = pass_.first ? held_ : Load3(block_->held);
+    const Lanes3 slip = AddScaled(moved_, -way_, normal_);
+    held_ = AddScaled(old_held, Lanes(-1.0f) / Max(mass_, Lanes(1e-12f)), slip);
+    held_ = Grip(Inner(held_, held_), Lanes::Load(block_->friction) * impulse_) * held_;
+    PushSolid(points_, *block_, AddScaled(held_ - old_held, impulse_ - old_, normal_), body_);
+  }
+
+  // Stores the impulses.
+  void End() {
+    impulse_.Store(block_->impulse);
+    Store3(held_, block_->held);
+    if (!pass_.last || !acts_) return;
+    Store3(AddScaled(Load3(block_->total) + held_, impulse_, normal_), block_->total);
+    (Lanes::Load(block_->pressed) + impulse_).Store(block_->pressed);
+  }
+
+ private:
+  const Points& points_;
+  const ContactRow& row_;
+  SolidBlock* block_;
+  Rigid* body_;
+  SweepPass pass_;
+  Lanes weight_[3], gap_, mass_, old_, way_, impulse_;
+  Lanes3 normal_, arm_, moved_, held_;
+  bool acts_;
+};
+
+// The same for a warm start: it applies a share of the impulses of the last substep.
+class SolidWarmStart {
+ public:
+  SolidWarmStart(const Points& points, SolidBlock* block, Rigid* body, float share)
+      : points_(points), block_(block), body_(body) {
+    impulse_ = Lanes(share) * Lanes::Load(block->impulse);
+    held_ = Lanes(share) * Load3(block->held);
+  }
+  bool Acts() { return Bits(Less(Lanes(0.0f), impulse_)) != 0; }
+  void Act() { PushSolid(points_, *block_, AddScaled(held_, impulse_, Load3(block_->normal)), body_); }
+  void End() {
+    impulse_.Store(block_->impulse);
+    Store3(held_, block_->held);
+  }
+
+ private:
+  const Points& points_;
+  SolidBlock* block_;
+  Rigid* body_;
+  Lanes impulse_;
+  Lanes3 held_;
+};
+
+template <class Visit>
+inline void Make(Visit visit) {
+  if (visit.Acts()) visit.Act();
+  visit.End();
+}
+
 inline void SweepSolid(const Points& points, const ContactRow& row, SolidBlock* block, Rigid* body, SweepPass pass) {
-  const Lanes gamma(row.gamma), b(row.b), recovery(row.recovery), zero(0.0f);
-  if (!block->active) return;
-  const Lanes gap = Lanes::Load(block->gap), mass = Lanes::Load(block->mass);
-  const Lanes old = pass.first ? zero : Lanes::Load(block->impulse);
-  Lanes3 moved = {zero, zero, zero};
-  for (int k = 0; k < 3; ++k) {
-    Lanes unused;
-    const int* vertex = block->vertex[k];
-    moved = AddScaled(moved, Lanes::Load(block->weight[k]),
-                      Gather(points.now, vertex, &unused) - Gather(points.before, vertex, &unused));
-  }
-  if (body) {
-    float m[6];
-    for (int i = 0; i < 6; ++i) m[i] = static_cast<float>(body->move[i]);
-    const Lanes3 arm = Load3(block->arm), turned = {Lanes(m[3]), Lanes(m[4]), Lanes(m[5])};
-    const Lanes3 along = {NegativeMultiplyAdd(turned.z, arm.y, turned.y * arm.z),
-                          NegativeMultiplyAdd(turned.x, arm.z, turned.z * arm.x),
-                          NegativeMultiplyAdd(turned.y, arm.x, turned.x * arm.y)};
-    moved = moved - along - Lanes3{Lanes(m[0]), Lanes(m[1]), Lanes(m[2])};
-  }
-  const Lanes3 normal = Load3(block->normal);
-  const Lanes way = Inner(normal, moved);
-  const Lanes violation = MultiplyAdd(gamma, old, ContactViolation(gap, way, b, recovery));
-  const Lanes impulse = Min(Max(old - violation / (mass + gamma), zero), Lanes(row.most));
-  Lanes3 held = {zero, zero, zero};
-  const Lanes3 old_held = pass.first ? held : Load3(block->held);
-  if (!pass.first || Bits(Less(zero, impulse))) {
-    const Lanes3 slip = AddScaled(moved, -way, normal);
-    held = AddScaled(old_held, Lanes(-1.0f) / Max(mass, Lanes(1e-12f)), slip);
-    held = Grip(Inner(held, held), Lanes::Load(block->friction) * impulse) * held;
-    PushSolid(points, *block, AddScaled(held - old_held, impulse - old, normal), body);
-  }
-  impulse.Store(block->impulse);
-  Store3(held, block->held);
-  if (pass.last) {
-    Store3(AddScaled(Load3(block->total) + held, impulse, normal), block->total);
-    (Lanes::Load(block->pressed) + impulse).Store(block->pressed);
-  }
+  if (block->active) Make(SolidSweep(points, row, block, body, pass));
 }
 
 inline void WarmSolid(const Points& points, SolidBlock* block, Rigid* body, float share) {
-  if (!block->active) return;
-  const Lanes impulse = Lanes(share) * Lanes::Load(block->impulse);
-  const Lanes3 held = Lanes(share) * Load3(block->held);
-  impulse.Store(block->impulse);
-  Store3(held, block->held);
-  PushSolid(points, *block, AddScaled(held, impulse, Load3(block->normal)), body);
+  if (block->active) Make(SolidWarmStart(points, block, body, share));
 }
 
 }  // namespace
