@@ -151,10 +151,12 @@ inline void FindSolid(const Points& points, const float* start, const Geom& geom
 
 // Applies a change of the impulses on eight points to the vertices, and the opposite to the body.
 inline void PushSolid(const Points& points, const SolidBlock& block, const Lanes3& change, Rigid* body) {
+  // Vertices of a row differ, and loads need not wait for stores.
+  Lanes mass[3];
+  Lanes3 x[3];
+  for (int k = 0; k < 3; ++k) x[k] = Gather(points.now, block.vertex[k], &mass[k]);
   for (int k = 0; k < 3; ++k) {
-    Lanes mass;
-    const Lanes3 x = Gather(points.now, block.vertex[k], &mass);
-    Scatter(points.now, block.vertex[k], AddScaled(x, Lanes::Load(block.weight[k]) * mass, change), mass);
+    Scatter(points.now, block.vertex[k], AddScaled(x[k], Lanes::Load(block.weight[k]) * mass[k], change), mass[k]);
   }
   if (!kSolids || !body || !body->gives_way) return;
   const Lanes3 arm = Load3(block.arm);
