@@ -23,6 +23,8 @@ using Key = unsigned long long;
 
 inline void Wait() { __syncthreads(); }
 
+constexpr unsigned kWarp = ~0u;  // Mask of all threads of a warp.
+
 // Calls f(i) for 0 <= i < count, and waits for all of them.
 template <class F>
 inline void Each(int count, F f) {
@@ -42,7 +44,7 @@ inline void EachBlock(int first, int end, F f) {
 // consecutive small parts, because it need not wait for the other warps.
 template <class F>
 inline void EachBlockOf(const int* begin, int parts, F f) {
-  constexpr int kWarp = 32, kSmall = kWarp / kLanes;
+  constexpr int kThreads = 32, kSmall = kThreads / kLanes;
   const int thread = static_cast<int>(threadIdx.x);
   for (int part = 0; part < parts;) {
     if (begin[part + 1] - begin[part] > kSmall) {
@@ -52,8 +54,8 @@ inline void EachBlockOf(const int* begin, int parts, F f) {
     }
     int end = part;
     while (end < parts && begin[end + 1] - begin[end] <= kSmall) ++end;
-    for (; part < end && thread < kWarp; ++part) {
-      const int step = static_cast<int>(blockDim.x) < kWarp ? static_cast<int>(blockDim.x) / kLanes : kSmall;
+    for (; part < end && thread < kThreads; ++part) {
+      const int step = static_cast<int>(blockDim.x) < kThreads ? static_cast<int>(blockDim.x) / kLanes : kSmall;
       for (int i = begin[part] + thread / kLanes; i < begin[part + 1]; i += step) f(i);
       __syncwarp();
     }
@@ -66,7 +68,6 @@ inline void EachBlockOf(const int* begin, int parts, F f) {
 inline int Add(int* p, int n) { return atomicAdd(p, n); }
 inline int Exchange(int* p, int n) { return atomicExch(p, n); }
 inline void TakeLeast(Key* p, Key key) { atomicMin(p, key); }
-inline void TakeLeast(int* p, int n) { atomicMin(p, n); }
 // Numbers must not be negative.
 inline void TakeLargest(float* p, float a) { atomicMax(reinterpret_cast<int*>(p), __float_as_int(a)); }
 inline void TakeLargest(double* p, double a) { atomicMax(reinterpret_cast<long long*>(p), __double_as_longlong(a)); }
@@ -139,25 +140,29 @@ inline int FirstBit(Key bits) { return __builtin_ctzll(bits); }
 
 #ifdef __CUDACC__
 
-// Makes the visits make(i) for 0 <= i < count as if one after the other: `Acts`, `Act` if that returned true, `End`.
-// Each eight threads have a visit. All find out whether theirs acts, the first of those acts, and the visits after it
-// find out again: time is spent only where visits act.
+// Makes the visits make(i) for 0 <= i < count as if one after the other: `Acts`, `Act` if that is true for a lane,
+// `End`. Each eight threads have a visit. All find out whether theirs acts, the first of those acts, and the visits
+// after it find out again: time is spent only where visits act.
 template <class F>
 inline void InSequence(int count, F make) {
   SGM_SHARED int acting[3];  // First visit that acts, in three rounds.
-  const int visits = static_cast<int>(blockDim.x) / kLanes, own = static_cast<int>(threadIdx.x) / kLanes;
-  if (threadIdx.x == 0) acting[0] = acting[1] = acting[2] = visits;
+  const int thread = static_cast<int>(threadIdx.x), visits = static_cast<int>(blockDim.x) / kLanes;
+  const int own = thread / kLanes;
+  if (thread < 3) acting[thread] = visits;
   Wait();
   int round = 0;
   for (int begin = 0; begin < count; begin += visits) {
     const bool has_one = begin + own < count;
     auto visit = make(has_one ? begin + own : begin);
     for (bool waits = has_one;;) {
-      if (waits && visit.Acts()) OneLane([&] { TakeLeast(&acting[round], own); });
+      bool acts = false;
+      if (waits) acts = visit.Acts().v;
+      const unsigned votes = __ballot_sync(kWarp, acts);
+      if (votes && thread % 32 == 0) atomicMin(&acting[round], (thread + FirstBit(votes)) / kLanes);
       Wait();
-      const int next = acting[round];
-      if (threadIdx.x == 0) acting[(round + 2) % 3] = visits;  // All have read it.
-      round = (round + 1) % 3;
+      const int next = acting[round], last = round == 0 ? 2 : round - 1;
+      if (thread == 0) acting[last] = visits;  // All have read it.
+      round = round == 2 ? 0 : round + 1;
       if (next == visits) break;
       if (own == next) visit.Act();
       waits = waits && own > next;
@@ -174,7 +179,7 @@ template <class F>
 inline void InSequence(int count, F make) {
   for (int i = 0; i < count; ++i) {
     auto visit = make(i);
-    if (visit.Acts()) visit.Act();
+    if (Bits(visit.Acts())) visit.Act();
     visit.End();
   }
 }

@@ -144,7 +144,17 @@ void __syncthreads() { block->arrive_and_wait(); }
 void __syncwarp() { block->arrive_and_wait(); }  // There is one warp.
 void __syncwarp(unsigned) { Own().barrier.arrive_and_wait(); }  // Of eight threads.
 
-unsigned __ballot_sync(unsigned, bool vote) {
+unsigned __ballot_sync(unsigned mask, bool vote) {
+  if (mask == ~0u) {  // There is one warp.
+    static unsigned votes;
+    if (threadIdx.x == 0) __atomic_store_n(&votes, 0, __ATOMIC_SEQ_CST);
+    block->arrive_and_wait();
+    __atomic_fetch_or(&votes, static_cast<unsigned>(vote) << threadIdx.x, __ATOMIC_SEQ_CST);
+    block->arrive_and_wait();
+    const unsigned all = __atomic_load_n(&votes, __ATOMIC_SEQ_CST);
+    block->arrive_and_wait();
+    return all;
+  }
   Group& group = Own();
   group.votes[threadIdx.x % kGroup] = vote;
   group.barrier.arrive_and_wait();

@@ -7,6 +7,7 @@
 #include "cloth/plugin/kernels.h"
 #include "cloth/plugin/method.h"
 #include "cloth/plugin/search.h"
+#include "cloth/plugin/solid_push.h"
 #include "cloth/plugin/sweeps.h"
 #include "native/shapes.h"
 #include "native/simd.h"
@@ -149,36 +150,7 @@ inline void FindSolid(const Points& points, const float* start, const Geom& geom
   OneLane([&] { block->active = may_close; });
 }
 
-// Applies a change of the impulses on eight points to the vertices, and the opposite to the body.
-inline void PushSolid(const Points& points, const SolidBlock& block, const Lanes3& change, Rigid* body) {
-  // Vertices of a row differ, and loads need not wait for stores.
-  Lanes mass[3];
-  Lanes3 x[3];
-  for (int k = 0; k < 3; ++k) x[k] = Gather(points.now, block.vertex[k], &mass[k]);
-  for (int k = 0; k < 3; ++k) {
-    Scatter(points.now, block.vertex[k], AddScaled(x[k], Lanes::Load(block.weight[k]) * mass[k], change), mass[k]);
-  }
-  if (!kSolids || !body || !body->gives_way) return;
-  const Lanes3 arm = Load3(block.arm);
-  const Lanes3 moment = {NegativeMultiplyAdd(arm.z, change.y, arm.y * change.z),
-                         NegativeMultiplyAdd(arm.x, change.z, arm.z * change.x),
-                         NegativeMultiplyAdd(arm.y, change.x, arm.x * change.y)};
-  const double wrench[6] = {-Sum(change.x), -Sum(change.y), -Sum(change.z),
-                            -Sum(moment.x), -Sum(moment.y), -Sum(moment.z)};
-  EachLane([&](int i) {
-    if (i >= 6) return;
-    double own = 0, sum = 0;
-    for (int j = 0; j < 6; ++j) {
-      own = j == i ? wrench[j] : own;
-      sum += body->compliance[i][j] * wrench[j];
-    }
-    body->impulse[i] += own;
-    body->move[i] += sum;
-  });
-  WaitLanes();
-}
-
-// A block of rows in a sweep. Its calls: `Acts`, then `Act` if that returned true, and `End`.
+// A block of rows in a sweep. Its calls: `Acts`, then `Act` if that is true for a row, and `End`.
 class SolidSweep {
  public:
   SolidSweep(const Points& points, const ContactRow& row, SolidBlock* block, Rigid* body, SweepPass pass)
@@ -190,8 +162,8 @@ class SolidSweep {
     held_ = {Lanes(0.0f), Lanes(0.0f), Lanes(0.0f)};
   }
 
-  // Computes the impulses at the current motion of vertices and body; returns whether a row has or had one.
-  bool Acts() {
+  // Computes the impulses at the current motion of vertices and body; returns which rows have or had one.
+  Mask Acts() {
     const Lanes gamma(row_.gamma), zero(0.0f);
     moved_ = {zero, zero, zero};
     for (int k = 0; k < 3; ++k) {
@@ -212,24 +184,24 @@ class SolidSweep {
     way_ = Inner(normal_, moved_);
     const Lanes violation = MultiplyAdd(gamma, old_, ContactViolation(gap_, way_, Lanes(row_.b), Lanes(row_.recovery)));
     impulse_ = Min(Max(old_ - violation / (mass_ + gamma), zero), Lanes(row_.most));
-    acts_ = Bits(Less(zero, Max(old_, impulse_))) != 0;
-    return acts_;
+    return Less(zero, Max(old_, impulse_));
   }
 
   // Pushes vertices and body.
   void Act() {
+    const SolidPush push(points_, *block_, body_);
     const Lanes3 old_held = pass_.first ? held_ : Load3(block_->held);
-    const Lanes3 slip = AddScaled(moved_, -way_, normal_);
-    held_ = AddScaled(old_held, Lanes(-1.0f) / Max(mass_, Lanes(1e-12f)), slip);
-    held_ = Grip(Inner(held_, held_), Lanes::Load(block_->friction) * impulse_) * held_;
-    PushSolid(points_, *block_, AddScaled(held_ - old_held, impulse_ - old_, normal_), body_);
+    const Lanes friction = Lanes::Load(block_->friction);
+    held_ = AddScaled(old_held, Lanes(-1.0f) / Max(mass_, Lanes(1e-12f)), AddScaled(moved_, -way_, normal_));
+    held_ = Grip(Inner(held_, held_), friction * impulse_) * held_;
+    push.Apply(AddScaled(held_ - old_held, impulse_ - old_, normal_));
   }
 
   // Stores the impulses.
   void End() {
     impulse_.Store(block_->impulse);
     Store3(held_, block_->held);
-    if (!pass_.last || !acts_) return;
+    if (!pass_.last) return;
     Store3(AddScaled(Load3(block_->total) + held_, impulse_, normal_), block_->total);
     (Lanes::Load(block_->pressed) + impulse_).Store(block_->pressed);
   }
@@ -242,7 +214,6 @@ class SolidSweep {
   SweepPass pass_;
   Lanes weight_[3], gap_, mass_, old_, way_, impulse_;
   Lanes3 normal_, arm_, moved_, held_;
-  bool acts_;
 };
 
 // The same for a warm start: it applies a share of the impulses of the last substep.
@@ -253,8 +224,8 @@ class SolidWarmStart {
     impulse_ = Lanes(share) * Lanes::Load(block->impulse);
     held_ = Lanes(share) * Load3(block->held);
   }
-  bool Acts() { return Bits(Less(Lanes(0.0f), impulse_)) != 0; }
-  void Act() { PushSolid(points_, *block_, AddScaled(held_, impulse_, Load3(block_->normal)), body_); }
+  Mask Acts() const { return Less(Lanes(0.0f), impulse_); }
+  void Act() const { SolidPush(points_, *block_, body_).Apply(AddScaled(held_, impulse_, Load3(block_->normal))); }
   void End() {
     impulse_.Store(block_->impulse);
     Store3(held_, block_->held);
@@ -270,7 +241,7 @@ class SolidWarmStart {
 
 template <class Visit>
 inline void Make(Visit visit) {
-  if (visit.Acts()) visit.Act();
+  if (Bits(visit.Acts())) visit.Act();
   visit.End();
 }
 
