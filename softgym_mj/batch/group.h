@@ -141,10 +141,11 @@ inline int FirstBit(Key bits) { return __builtin_ctzll(bits); }
 #ifdef __CUDACC__
 
 // Makes the visits make(i) for 0 <= i < count as if one after the other: `Acts`, `Act` if that is true for a lane,
-// `End`. Each eight threads have a visit. All find out whether theirs acts, the first of those acts, and the visits
-// after it find out again: time is spent only where visits act.
+// `End`. Each eight threads have a visit. All find out whether theirs acts, the first of those acts, and visits after
+// it find out again: a few, and all if none of these acts. Time is spent only where visits act.
 template <class F>
 inline void InSequence(int count, F make) {
+  constexpr int kFew = 8;
   SGM_SHARED int acting[3];  // First visit that acts, in three rounds.
   const int thread = static_cast<int>(threadIdx.x), visits = static_cast<int>(blockDim.x) / kLanes;
   const int own = thread / kLanes;
@@ -154,16 +155,19 @@ inline void InSequence(int count, F make) {
   for (int begin = 0; begin < count; begin += visits) {
     const bool has_one = begin + own < count;
     auto visit = make(has_one ? begin + own : begin);
-    for (bool waits = has_one;;) {
+    bool waits = has_one;
+    for (int end = visits;;) {  // Visits before `end` find out.
       bool acts = false;
-      if (waits) acts = visit.Acts().v;
+      if (waits && own < end) acts = visit.Acts().v;
       const unsigned votes = __ballot_sync(kWarp, acts);
       if (votes && thread % 32 == 0) atomicMin(&acting[round], (thread + FirstBit(votes)) / kLanes);
       Wait();
       const int next = acting[round], last = round == 0 ? 2 : round - 1;
       if (thread == 0) acting[last] = visits;  // All have read it.
       round = round == 2 ? 0 : round + 1;
-      if (next == visits) break;
+      if (next == visits && end >= visits) break;
+      end = next == visits ? visits : next + 1 + kFew;
+      if (next == visits) continue;
       if (own == next) visit.Act();
       waits = waits && own > next;
       Wait();

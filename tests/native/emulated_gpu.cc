@@ -7,6 +7,7 @@
 #define __shared__ static
 #define __noinline__ inline
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
@@ -25,7 +26,7 @@
 
 namespace {
 
-constexpr int kGroup = 8;
+constexpr int kGroup = 8, kWarpSize = 32;
 
 struct Index {
   unsigned x;
@@ -135,25 +136,32 @@ struct Group {
   unsigned votes[kGroup];
   float values[kGroup];
 };
+struct Warp {
+  explicit Warp(int size) : threads(size), barrier(size) {}
+  int threads;
+  Barrier barrier;
+  unsigned votes[kWarpSize];
+};
 std::unique_ptr<Barrier> block;
 std::vector<std::unique_ptr<Group>> groups;
+std::vector<std::unique_ptr<Warp>> warps;
 
 Group& Own() { return *groups[threadIdx.x / kGroup]; }
+Warp& OwnWarp() { return *warps[threadIdx.x / kWarpSize]; }
 
 void __syncthreads() { block->arrive_and_wait(); }
-void __syncwarp() { block->arrive_and_wait(); }  // There is one warp.
+void __syncwarp() { OwnWarp().barrier.arrive_and_wait(); }
 void __syncwarp(unsigned) { Own().barrier.arrive_and_wait(); }  // Of eight threads.
 
 unsigned __ballot_sync(unsigned mask, bool vote) {
-  if (mask == ~0u) {  // There is one warp.
-    static unsigned votes;
-    if (threadIdx.x == 0) __atomic_store_n(&votes, 0, __ATOMIC_SEQ_CST);
-    block->arrive_and_wait();
-    __atomic_fetch_or(&votes, static_cast<unsigned>(vote) << threadIdx.x, __ATOMIC_SEQ_CST);
-    block->arrive_and_wait();
-    const unsigned all = __atomic_load_n(&votes, __ATOMIC_SEQ_CST);
-    block->arrive_and_wait();
-    return all;
+  if (mask == ~0u) {
+    Warp& warp = OwnWarp();
+    warp.votes[threadIdx.x % kWarpSize] = vote;
+    warp.barrier.arrive_and_wait();
+    unsigned bits = 0;
+    for (int thread = 0; thread < warp.threads; ++thread) bits |= warp.votes[thread] << thread;
+    warp.barrier.arrive_and_wait();
+    return bits;
   }
   Group& group = Own();
   group.votes[threadIdx.x % kGroup] = vote;
@@ -232,6 +240,10 @@ void Emulate(const Batch& batch, int threads, F step) {
     block = std::make_unique<Barrier>(threads);
     groups.clear();
     for (int g = 0; g < threads / kGroup; ++g) groups.push_back(std::make_unique<Group>());
+    warps.clear();
+    for (int first = 0; first < threads; first += kWarpSize) {
+      warps.push_back(std::make_unique<Warp>(std::min(kWarpSize, threads - first)));
+    }
     InTurns(threads, [&] { step(batch, i); });
   }
 }
