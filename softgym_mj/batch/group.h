@@ -72,6 +72,7 @@ inline void TakeLeast(Key* p, Key key) { atomicMin(p, key); }
 inline void TakeLargest(float* p, float a) { atomicMax(reinterpret_cast<int*>(p), __float_as_int(a)); }
 inline void TakeLargest(double* p, double a) { atomicMax(reinterpret_cast<long long*>(p), __double_as_longlong(a)); }
 inline void SetBits(int* p, int bits) { atomicOr(p, bits); }
+inline void SetBits(Key* p, Key bits) { atomicOr(p, bits); }
 inline int FirstBit(Key bits) { return __ffsll(static_cast<long long>(bits)) - 1; }
 
 #else
@@ -134,6 +135,7 @@ inline void TakeLeast(Key* p, Key key) { *p = key < *p ? key : *p; }
 inline void TakeLargest(float* p, float a) { *p = a > *p ? a : *p; }
 inline void TakeLargest(double* p, double a) { *p = a > *p ? a : *p; }
 inline void SetBits(int* p, int bits) { *p |= bits; }
+inline void SetBits(Key* p, Key bits) { *p |= bits; }
 inline int FirstBit(Key bits) { return __builtin_ctzll(bits); }
 
 #endif  // __CUDACC__

@@ -186,7 +186,10 @@ T atomicAdd(T* p, T n) {
   return __atomic_fetch_add(p, n, __ATOMIC_SEQ_CST);
 }
 int atomicExch(int* p, int n) { return __atomic_exchange_n(p, n, __ATOMIC_SEQ_CST); }
-int atomicOr(int* p, int n) { return __atomic_fetch_or(p, n, __ATOMIC_SEQ_CST); }
+template <class T>
+T atomicOr(T* p, T n) {
+  return __atomic_fetch_or(p, n, __ATOMIC_SEQ_CST);
+}
 template <class T, class F>
 void Change(T* p, T value, F better) {
   T before = __atomic_load_n(p, __ATOMIC_SEQ_CST);

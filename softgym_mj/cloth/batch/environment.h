@@ -59,6 +59,7 @@ struct Touch {
   Rows points, triangles;
   float* weight;  // (room, 3) Weights of points, and keys (room,) of their entry faces; null for grippers.
   double* key;
+  int* rank;  // (room,) Rank of each point in its element; null for grippers.
   SolidBlock *point_blocks, *triangle_blocks, **active;
   int num_active;  // Blocks of a body that gives way that may touch before the next search, in their order.
 };
@@ -193,17 +194,19 @@ inline void TakeTouch(const Model& model, bool solid, Memory* memory, Touch* tou
   const int elements = model.is_surface ? model.triangles : model.edges;
   float* weight;
   double* key;
+  int* rank;  // (room,) Rank of each point in its element; null for grippers.
   SolidBlock *point_blocks, *triangle_blocks, **active;
   TakeRows(memory, n, 3, colors, touch ? &touch->points : nullptr);
   TakeRows(memory, elements, 3, kMeshColors, touch ? &touch->triangles : nullptr);
   memory->Take(&weight, solid ? 3 * n : 0);
   memory->Take(&key, solid ? n : 0);
+  memory->Take(&rank, solid ? n : 0);
   memory->Take(&point_blocks, Blocks(n, colors));
   memory->Take(&triangle_blocks, Blocks(elements, kMeshColors));
   memory->Take(&active, solid ? Blocks(n, colors) + Blocks(elements, kMeshColors) : 0);
   if (!touch) return;
   touch->room = n;
-  touch->weight = weight, touch->key = key;
+  touch->weight = weight, touch->key = key, touch->rank = rank;
   touch->point_blocks = point_blocks, touch->triangle_blocks = triangle_blocks;
   touch->active = active;
 }

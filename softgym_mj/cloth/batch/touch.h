@@ -89,10 +89,12 @@ inline void AddPoints(const Environment& w, const Solid& solid, const int* verte
                       Touch* touch) {
   const Model& m = *w.model;
   const double elements = static_cast<double>(m.vertices + m.triangles + m.edges);
+  int rank = 0;
   const auto add = [&](int place, int i, int j, float first, float second, float third) {
     const int number = (place * kMostPoints + i) * kMostPoints + j;
     const int row = AddRow(w, &touch->points, touch->room, vertex, corners, number);
     if (row < 0) return;
+    touch->rank[row] = rank++;
     float* weight = touch->weight + 3 * row;
     weight[0] = first, weight[1] = second, weight[2] = third;
     touch->key[row] = ((solid.geom * elements + place) * kMostPoints + i) * kMostPoints + j;
@@ -166,7 +168,7 @@ inline void StartTouch(const Environment& w, int t) {
     w.step->repeats = w.step->touches_bodies && m.sweeps > 1;
   });
   const auto counts = [&](int v) { return v < m.vertices; };
-  ColorRows(w, 3, true, &touch->points, counts);
+  ColorRows(w, 3, true, &touch->points, counts, kSolids && touch->fixed ? touch->rank : nullptr);
   ColorRows(w, 3, true, &touch->triangles, counts);
   FillBlocks(w, *touch, false, solid.friction);
   FillBlocks(w, *touch, true, solid.friction);
