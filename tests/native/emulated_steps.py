@@ -27,13 +27,13 @@ SIDES = 16, 12  # Size of an image [pixels].
 class _Emulated(CpuDevice):
     """Steps by the functions of a library, of the names of those of the package's."""
 
-    def __init__(self, file):
+    def __init__(self, file, threads=THREADS):
         super().__init__()
-        self._library = ctypes.CDLL(str(file))
+        self._library, self._block = ctypes.CDLL(str(file)), threads
 
     def step(self, kind, batch, num_envs, size, variant=""):
         step = getattr(self._library, f"softgym_mj_{kind}_batch_step")
-        step(ctypes.c_void_p(self.address(batch)), 1, THREADS)
+        step(ctypes.c_void_p(self.address(batch)), 1, self._block)
 
 
 def step_and_check(file, task, variation, steps):
@@ -55,10 +55,10 @@ def step_and_check(file, task, variation, steps):
     assert solver.flags[0] == 0
 
 
-def push_and_check(file, steps):
+def push_and_check(file, steps, threads=THREADS):
     """Makes some sim steps from the first push of an arm's hand on; as the package's library."""
     followed = arms._Followed("fold_crumpled_cloth", "sawyer", "friction", 803)
-    solver, emulated, number = followed.solver, followed.new(_Emulated(file)), 0
+    solver, emulated, number = followed.solver, followed.new(_Emulated(file, threads)), 0
     state = solver.get_state(0)
     for told in followed.steps(6):
         if solver.solid_impulses.any():

@@ -61,8 +61,9 @@ def test_a_block_makes_the_steps_of_the_plugin(emulated, task, variation):
     step_and_check(emulated, task, variation, OF_WATER if "water" in task else STEPS)
 
 
-def test_a_block_lets_hands_push_as_a_thread_does():
-    push_and_check(_compile("-O1"), 3)
+@pytest.mark.parametrize("threads", [16, 128])  # Less than a warp, and four warps.
+def test_a_block_lets_hands_push_as_a_thread_does(threads):
+    push_and_check(_compile("-O1"), 3, threads)
 
 
 @pytest.mark.parametrize("flex", ["cloth", "rope"])
