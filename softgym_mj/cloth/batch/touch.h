@@ -236,7 +236,7 @@ inline void EachTouch(const Environment& w, F make) {
       continue;
     }
     const auto visit = [&](SolidBlock* block) {
-      if (block->active) Make(make(block, rigid ? m.solid_row : m.contact, rigid));
+      if (block->active) MakeVisit(make(block, rigid ? m.solid_row : m.contact, rigid));
     };
     EachColor(touch.points, [&](int b) { visit(touch.point_blocks + b); });
     EachColor(touch.triangles, [&](int b) { visit(touch.triangle_blocks + b); });

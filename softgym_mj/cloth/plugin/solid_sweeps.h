@@ -239,18 +239,19 @@ class SolidWarmStart {
   Lanes3 held_;
 };
 
+// Makes a visit of a block apart from others, as `InSequence` of batch/group.h does for many.
 template <class Visit>
-inline void Make(Visit visit) {
+inline void MakeVisit(Visit visit) {
   if (Bits(visit.Acts())) visit.Act();
   visit.End();
 }
 
 inline void SweepSolid(const Points& points, const ContactRow& row, SolidBlock* block, Rigid* body, SweepPass pass) {
-  if (block->active) Make(SolidSweep(points, row, block, body, pass));
+  if (block->active) MakeVisit(SolidSweep(points, row, block, body, pass));
 }
 
 inline void WarmSolid(const Points& points, SolidBlock* block, Rigid* body, float share) {
-  if (block->active) Make(SolidWarmStart(points, block, body, share));
+  if (block->active) MakeVisit(SolidWarmStart(points, block, body, share));
 }
 
 }  // namespace
