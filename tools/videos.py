@@ -41,6 +41,7 @@ VARIATIONS = {
     "straighten_rope-sac": 979, "fold_cloth-sac": 805,
     "straighten_rope-distill": 979, "fold_cloth-distill": 805,
     "straighten_rope-distill_rgb": 999, "straighten_rope-teacher_student": 995,
+    "route_cable-sac": 914,
 }  # fmt: skip
 
 
