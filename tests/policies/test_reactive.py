@@ -9,6 +9,7 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.policies import reactive
 from softgym_mj.policies.factory import make_policy
+from softgym_mj.policies.reactive.rope import ABOVE, LAID, PUTTING
 
 NAME = "softgym_mj.policies.reactive:policy"
 HIGH = 0.1  # [m] Height at which free pickers rest.
@@ -52,7 +53,7 @@ def test_a_picker_over_its_target_descends_and_one_at_its_target_closes():
     rope = straight(0)
     rope[-1, 1] += 0.1
     goal, aside = straight(0), [-0.2, -0.3, HIGH]
-    grasp = rope[-1] + [0.0, 0.0, reactive.ABOVE]
+    grasp = rope[-1] + [0.0, 0.0, ABOVE]
     over = grasp + [0.0, 0.0, 0.05]
     moves, grips = entries(reactive.rope_configuration(seen(rope, goal, [over, aside])))
     np.testing.assert_allclose(moves[0], [0.0, 0.0, -0.05 / 0.08], atol=1e-12)
@@ -68,7 +69,7 @@ def test_a_picker_over_its_target_descends_and_one_at_its_target_closes():
 def test_a_picker_descends_in_a_funnel():
     rope = straight(0)
     rope[-1, 1] += 0.1
-    low, aside = rope[-1, 2] + reactive.ABOVE, [-0.2, -0.3, HIGH]
+    low, aside = rope[-1, 2] + ABOVE, [-0.2, -0.3, HIGH]
     # 0.03 m beside the end, the funnel is 1.5 (0.03 - 0.01) m high; 0.02 m below it, pickers move
     # half of the way across.
     center = [rope[-1, 0] + 0.03, rope[-1, 1], low + 0.01]
@@ -84,10 +85,10 @@ def test_a_picker_carries_what_it_holds_slowly_and_releases_it_at_its_place():
     offsets = [[0.0, 0.0, -0.034], [0.0, 0.0, 0.0]]
     state = seen(rope, straight(0), [center, aside], (1, 0), offsets)
     moves, grips = entries(reactive.rope_configuration(state))
-    assert moves[0, 1] == pytest.approx(-reactive.PUTTING) and grips[0] == 1.0
+    assert moves[0, 1] == pytest.approx(-PUTTING) and grips[0] == 1.0
     placed = straight(0)
-    center = placed[-1] + [0.0, 0.0, reactive.LAID - placed[-1, 2]]
-    offsets[0][2] = placed[-1, 2] - reactive.LAID
+    center = placed[-1] + [0.0, 0.0, LAID - placed[-1, 2]]
+    offsets[0][2] = placed[-1, 2] - LAID
     state = seen(placed, straight(0), [center, aside], (1, 0), offsets)
     assert entries(reactive.rope_configuration(state))[1][0] == -1.0
 

@@ -1,18 +1,9 @@
-"""Reactive experts: functions of the present observation alone, of one simulation or of a batch.
+"""Reactive expert of RopeConfiguration: carries points of the rope to their places."""
 
-They label what a learner meets, which experts that rehearse or follow a plan cannot do. Arrays are
-NumPy's or PyTorch's.
-"""
-
-from collections.abc import Callable
 from typing import NamedTuple
 
-import dm_env
-import numpy as np
 from array_api_compat import device
 
-from softgym_mj.envs.environment import Environment
-from softgym_mj.exceptions import check_name
 from softgym_mj.metrics import Array, constant, lengths, namespace, taken
 from softgym_mj.robots.gripper import MAX_DISPLACEMENT
 
@@ -221,16 +212,3 @@ def _largest(values: Array, allowed: Array) -> tuple[Array, Array]:
     xp = namespace(values)
     values = xp.where(allowed, values, -xp.inf)
     return xp.argmax(values, axis=-1), xp.any(allowed, axis=-1)
-
-
-LABELS: dict[str, Callable[[Array], Array]] = {"rope_configuration": rope_configuration}
-
-
-def policy(env: Environment) -> Callable[[dm_env.TimeStep], np.ndarray]:
-    """Returns the reactive expert of an environment that observes "markov".
-
-    Raises:
-        InvalidArgumentError: for a task without a reactive expert.
-    """
-    check_name("task", env.name, LABELS)
-    return lambda timestep: LABELS[env.name](timestep.observation["markov"])
