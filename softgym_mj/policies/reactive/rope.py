@@ -5,6 +5,7 @@ from typing import NamedTuple
 from array_api_compat import device
 
 from softgym_mj.metrics import Array, constant, lengths, namespace, taken
+from softgym_mj.policies.reactive.motions import Motion, actions, at
 from softgym_mj.robots.gripper import MAX_DISPLACEMENT
 
 # Heights of a picker's center [m]: on the way to a point, with a point, and where it is released.
@@ -37,20 +38,6 @@ class Pickers(NamedTuple):
     holds: Array
     lost: Array
     held: Array
-
-
-class Motion(NamedTuple):
-    """Goal of one picker.
-
-    Attributes:
-        goal: (..., 3) [m].
-        closed: whether it is closed (...).
-        speed: fraction of full speed (...).
-    """
-
-    goal: Array
-    closed: Array
-    speed: Array
 
 
 def rope_configuration(observation: Array) -> Array:
@@ -93,7 +80,7 @@ def carrying(points: Array, places: Array, pickers: Pickers, stride: float) -> A
     """
     xp = namespace(points)
     targets = _targets(points, places, pickers)
-    parts = []
+    motions = []
     for i, (target, exists) in enumerate(targets):
         carried = _carried(points, places, pickers, i)
         fetched = _fetched(points, target, exists, pickers, i)
@@ -101,10 +88,8 @@ def carrying(points: Array, places: Array, pickers: Pickers, stride: float) -> A
         goal = xp.where(holds[..., None], carried.goal, fetched.goal)
         closed = xp.where(holds, carried.closed, fetched.closed)
         speed = xp.where(holds, carried.speed, fetched.speed)
-        move = (goal - pickers.centers[..., i, :]) / stride
-        move = move * (speed / xp.maximum(xp.max(xp.abs(move), axis=-1), speed))[..., None]
-        parts += [move, xp.where(closed, xp.ones_like(speed), -xp.ones_like(speed))[..., None]]
-    return xp.concat(parts, axis=-1)
+        motions.append(Motion(goal, closed, speed))
+    return actions(pickers.centers, motions, stride)
 
 
 def _targets(points: Array, places: Array, pickers: Pickers) -> list[tuple[Array, Array]]:
@@ -144,7 +129,7 @@ def _carried(points: Array, places: Array, pickers: Pickers, i: int) -> Motion:
     place = center + (taken(places, own) - taken(points, own))[..., 0, :]
     there = _across(place, center) <= ARRIVED
     done = there & (height <= LAID + 0.005)
-    laid = _at(place[..., :2], xp.full_like(height, LAID))
+    laid = at(place[..., :2], xp.full_like(height, LAID))
     goal = xp.where(done[..., None], center, _funnel(center, laid, CARRY))
     closed = ~done
     if i == 1:  # It gives way to the other one.
@@ -169,7 +154,7 @@ def _fetched(points: Array, target: Array, exists: Array, pickers: Pickers, i: i
     # A picker without a target rests; near the other one it moves away.
     away = center + (KEEP / xp.maximum(gap, xp.full_like(gap, 1e-3)))[..., None] * between
     rest = xp.where(is_close[..., None], away, center)[..., :2]
-    rest = _at(rest, xp.full_like(height, TRAVEL))
+    rest = at(rest, xp.full_like(height, TRAVEL))
     goal = xp.where(closes[..., None], center, _funnel(center, grasp, TRAVEL))
     goal = xp.where(exists[..., None], goal, rest)
     return Motion(goal, closes, xp.ones_like(height))
@@ -190,16 +175,12 @@ def _funnel(center: Array, end: Array, high: float) -> Array:
     level = xp.clip(end[..., 2] + SLOPE * outside, None, high)
     share = xp.clip(1.0 - (level - center[..., 2]) / BELOW, 0.0, 1.0)
     across = center[..., :2] + share[..., None] * (end - center)[..., :2]
-    return _at(across, level)
+    return at(across, level)
 
 
 def _grasp(points: Array) -> Array:
     """Returns the positions (..., 3) [m] of pickers that grasp points."""
     return points + constant([0.0, 0.0, ABOVE], points)
-
-
-def _at(across: Array, height: Array) -> Array:
-    return namespace(across).concat([across, height[..., None]], axis=-1)
 
 
 def _across(first: Array, second: Array) -> Array:
