@@ -1,7 +1,8 @@
 """Reactive experts: functions of the present observation alone, of one simulation or of a batch.
 
 They label what a learner meets, which experts that rehearse or follow a plan cannot do. Arrays are
-NumPy's or PyTorch's.
+NumPy's or PyTorch's. The attribute `observes` of a function names the observation that it takes;
+"+" joins several, whose numbers follow each other.
 """
 
 from collections.abc import Callable
@@ -12,16 +13,28 @@ import numpy as np
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import check_name
 from softgym_mj.metrics import Array
+from softgym_mj.policies.reactive.cloth import fold_crumpled_cloth
 from softgym_mj.policies.reactive.rope import rope_configuration
 
-LABELS: dict[str, Callable[[Array], Array]] = {"rope_configuration": rope_configuration}
+LABELS: dict[str, Callable[[Array], Array]] = {
+    "fold_crumpled_cloth": fold_crumpled_cloth,
+    "rope_configuration": rope_configuration,
+}
+vars(fold_crumpled_cloth)["observes"] = "full+markov"
+vars(rope_configuration)["observes"] = "markov"
 
 
 def policy(env: Environment) -> Callable[[dm_env.TimeStep], np.ndarray]:
-    """Returns the reactive expert of an environment that observes "markov".
+    """Returns the reactive expert of an environment with the observations that it takes.
 
     Raises:
         InvalidArgumentError: for a task without a reactive expert.
     """
     check_name("task", env.name, LABELS)
-    return lambda timestep: LABELS[env.name](timestep.observation["markov"])
+    labels = LABELS[env.name]
+    names = vars(labels)["observes"].split("+")
+
+    def act(timestep: dm_env.TimeStep) -> np.ndarray:
+        return labels(np.concatenate([timestep.observation[name] for name in names]))
+
+    return act

@@ -1,0 +1,250 @@
+"""Grasps of the ends of a cloth's middle column, for the reactive expert of FoldCrumpledCloth."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from array_api_compat import device
+
+from softgym_mj.metrics import Array, constant, lengths, namespace, taken
+
+FLOOR, TOP = 0.05, 0.45  # [m] Lowest and highest picker centers of the workspace.
+EDGE = 0.8  # [m] Farthest picker centers along X and Y.
+RESTING = 0.006  # [m] Height below which floor holds up a held vertex.
+REACH, LIMIT = 0.058, 0.0605  # [m] Grasp distance, and largest distance of a grasp.
+CLEAR = 0.004  # [m] Clearance from which a vertex counts as fully exposed.
+HIDDEN = 0.0005  # [m] Clearance up to which another vertex may be grasped.
+SIDEWAYS = 2.0  # Distance along the columns that costs as much as a distance of 1 beside them.
+# Weights of a grasp: [1/m] cost, clearance, distance from the picker; direction upwards, away from
+# the cloth along Y, along X where the cloth will lie, and towards the picker.
+COST, CLEARANCE, WAY = 0.5, 3.0, 0.06
+UPWARDS, OUTSIDE, INSIDE, FACING = 0.02, 0.02, 0.03, 0.03
+# Vertices that may be grasped: rows from an end, columns from the middle; then fractions of the
+# half sheet.
+NEAR = [(row, column) for row in range(4) for column in (-1, 0, 1)]
+FAR = [(row, column) for row in (0.0, 0.3, 0.7) for column in (-1.0, -0.7, -0.35, 0.35, 0.7, 1.0)]
+AWAY = 1e3  # [m] Coordinates of padding.
+
+
+class Sheet(NamedTuple):
+    """Cloth, with padding far away.
+
+    Attributes:
+        points: (..., n, 3) [m].
+        present: whether each is a vertex of the cloth (..., n).
+        rows, columns: numbers of vertices (...).
+        flat: positions in the flat cloth at the origin (..., n, 2) [m].
+        size: lengths along X and Y (..., 2) [m].
+        costs: distance of each vertex from either end of the middle column, the one of row 0
+            first, where columns count `SIDEWAYS` (..., 2, n) [m].
+    """
+
+    points: Array
+    present: Array
+    rows: Array
+    columns: Array
+    flat: Array
+    size: Array
+    costs: Array
+
+
+class Hands(NamedTuple):
+    """Two pickers.
+
+    Attributes:
+        centers: (..., 2, 3) [m].
+        holds: whether each holds a vertex (..., 2).
+        lost: whether each must open before it can take a vertex (..., 2).
+        held: index of the vertex that it holds, or of the nearest one (..., 2).
+        places: of held vertices (..., 2, 3) [m].
+    """
+
+    centers: Array
+    holds: Array
+    lost: Array
+    held: Array
+    places: Array
+
+
+class Grasps(NamedTuple):
+    """Grasps of vertices for either end, the one of row 0 first.
+
+    Attributes:
+        centers: of pickers (..., 2, m, 3) [m].
+        directions: from the vertices to them (m, 3).
+        costs: of the vertices (..., 2, m) [m].
+        values: for each picker (..., 2 pickers, 2 ends, m).
+    """
+
+    centers: Array
+    directions: Array
+    costs: Array
+    values: Array
+
+
+def _directions() -> np.ndarray:
+    """Returns unit vectors (n, 3) over the upper half-sphere, the vertical first."""
+    rings = enumerate([(90, 1), (55, 6), (25, 6), (0, 6)])  # Elevation [deg], number.
+    angles = [
+        (math.radians(elevation), 2 * math.pi * (k + 0.5 * (ring % 2)) / number)
+        for ring, (elevation, number) in rings
+        for k in range(number)
+    ]
+    sin, cos = math.sin, math.cos
+    return np.array([(cos(e) * cos(a), cos(e) * sin(a), sin(e)) for e, a in angles])
+
+
+_DIRECTIONS = _directions()
+
+
+def parsed(observation: Array) -> tuple[Sheet, Hands]:
+    """Returns cloth and pickers of the observation "full", followed by "markov" (..., 3 n + 32).
+
+    The corners in "markov" show the number of rows and columns, mean lengths of edges the size.
+    """
+    xp, lead = namespace(observation), observation.shape[:-1]
+    number = (observation.shape[-1] - 32) // 3
+    points = observation[..., : 3 * number].reshape((*lead, number, 3))
+    markov = observation[..., 3 * number + 6 :]
+    corners = markov[..., :12].reshape((*lead, 4, 3))
+    right, last = (xp.argmin(lengths(points - corners[..., k : k + 1, :]), axis=-1) for k in (2, 3))
+    columns = right + 1
+    rows = (last + 1) // columns
+    index = xp.arange(number, device=device(points))
+    present = index <= last[..., None]
+    row, column = index // columns[..., None], index % columns[..., None]
+    spacings = []
+    for place, count, step in (column, columns, 1 + 0 * columns), (row, rows, columns):
+        inner = present & (place < count[..., None] - 1)
+        following = taken(points, xp.where(inner, index + step[..., None], index))
+        edges = xp.sum(lengths(following - points), axis=-1)
+        spacings.append(edges / xp.sum(xp.astype(inner, points.dtype), axis=-1))
+    across, along = spacings
+    flat_x = (column - (columns[..., None] - 1) / 2) * across[..., None]
+    flat_y = ((rows[..., None] - 1) / 2 - row) * along[..., None]
+    size = xp.stack([across * (columns - 1), along * (rows - 1)], axis=-1)
+    half = size[..., 1:] / 2
+    costs = [SIDEWAYS * xp.abs(flat_x) + xp.abs(flat_y - end) for end in (half, -half)]
+    flat = xp.stack([flat_x, flat_y], axis=-1)
+    points = xp.where(present[..., None], points, xp.full_like(points, AWAY))
+    sheet = Sheet(points, present, rows, columns, flat, size, xp.stack(costs, axis=-2))
+    return sheet, _hands(markov[..., 12:], points)
+
+
+def _hands(numbers: Array, points: Array) -> Hands:
+    """Returns pickers of their centers and grips (..., 14) at points (..., n, 3) [m]."""
+    xp, lead = namespace(numbers), numbers.shape[:-1]
+    centers = numbers[..., :6].reshape((*lead, 2, 3))
+    grips = numbers[..., 6:].reshape((*lead, 2, 4))
+    places = centers + grips[..., 1:]
+    places = xp.concat([places[..., :2], xp.clip(places[..., 2:], RESTING, None)], axis=-1)
+    held = xp.argmin(lengths(points[..., None, :, :] - places[..., :, None, :]), axis=-1)
+    return Hands(centers, grips[..., 0] > 0.5, grips[..., 0] < -0.5, held, places)
+
+
+def find_grasps(sheet: Sheet, hands: Hands) -> Grasps:
+    """Returns grasps of vertices near the ends, and of some others."""
+    xp, points = namespace(sheet.points), sheet.points
+    lead, number = points.shape[:-2], len(NEAR) + len(FAR)
+    vertices = _candidates(sheet)
+    chosen = taken(points, vertices)
+    directions = constant(_DIRECTIONS, points)
+    low, high = (constant(end, points) for end in ([-EDGE, -EDGE, FLOOR], [EDGE, EDGE, TOP]))
+    centers = chosen[..., :, None, :] + REACH * directions
+    centers = xp.maximum(xp.minimum(centers, high), low)
+    distance = lengths(centers - chosen[..., :, None, :])
+    clear = xp.clip(_nearest(sheet, vertices, centers) - distance, None, CLEAR)
+    clear = xp.where(distance > LIMIT, xp.full_like(clear, -1.0), clear)
+    costs = [entries(sheet.costs[..., e, :], v) for e, v in enumerate(_halves(vertices))]
+    cost = xp.concat(costs, axis=-1)[..., :, None]
+    outside = OUTSIDE * directions[:, 1] * _signs(points, number)
+    inside = INSIDE * xp.clip(directions[:, 0], 0.0, None)
+    value = CLEARANCE * clear - COST * cost + UPWARDS * directions[:, 2] + outside - inside
+    value = value - xp.astype(clear < HIDDEN, points.dtype)
+    ways = lengths(centers[..., None, :, :, :] - hands.centers[..., :, None, None, :])
+    toward = hands.centers[..., :, None, :] - chosen[..., None, :, :]
+    toward = toward / (lengths(toward)[..., None] + 0.05)
+    facing = xp.sum(toward[..., None, :] * directions, axis=-1)
+    beside = xp.astype(_beside(sheet, hands, vertices), points.dtype)
+    values = value[..., None, :, :] - WAY * ways + FACING * facing - beside[..., None]
+    size = number * len(_DIRECTIONS)
+    tiled = xp.reshape(directions + xp.zeros_like(centers), (*lead, 2, size, 3))
+    return Grasps(
+        centers.reshape((*lead, 2, size, 3)), tiled,
+        (cost + xp.zeros_like(clear)).reshape((*lead, 2, size)),
+        values.reshape((*lead, 2, 2, size)),
+    )  # fmt: skip
+
+
+def _candidates(sheet: Sheet) -> Array:
+    """Returns vertices (..., 2 k): k for the end in row 0, then k for the other one."""
+    xp = namespace(sheet.points)
+    middle, half = (sheet.columns - 1) // 2, (sheet.rows - 1) // 2
+    places = [(row + 0 * half, middle + column) for row, column in NEAR]
+    for row, column in FAR:
+        rounded = [
+            xp.round(f * xp.astype(n, xp.float64)) for f, n in ((row, half), (column, middle))
+        ]
+        down, across = (xp.astype(each, half.dtype) for each in rounded)
+        places.append((down, middle + across))
+    first = [row * sheet.columns + column for row, column in places]
+    last = [(sheet.rows - 1 - row) * sheet.columns + column for row, column in places]
+    return xp.stack([*first, *last], axis=-1)
+
+
+def _signs(like: Array, number: int) -> Array:
+    """Returns the sign of Y (2 k, 1) at the ends of k candidates each."""
+    return constant(np.repeat([1.0, -1.0], number)[:, None], like)
+
+
+def _halves(values: Array) -> tuple[Array, Array]:
+    """Returns the halves (..., k) of values (..., 2 k)."""
+    number = values.shape[-1] // 2
+    return values[..., :number], values[..., number:]
+
+
+def _nearest(sheet: Sheet, vertices: Array, centers: Array) -> Array:
+    """Returns the distances (..., k, d) [m] of centers from the nearest vertex but their own.
+
+    Args:
+        sheet: the cloth.
+        vertices: own vertices (..., k).
+        centers: (..., k, d, 3) [m].
+    """
+    xp, points = namespace(centers), sheet.points
+    # |c - p|^2 = |c|^2 + (c, 1) (-2 p, |p|^2).
+    rows = xp.concat([centers, xp.ones_like(centers[..., :1])], axis=-1)
+    squares = xp.sum(points * points, axis=-1)[..., None]
+    terms = xp.concat([-2.0 * points, squares], axis=-1)
+    number = points.shape[-2]
+    lead, (many, each) = points.shape[:-2], centers.shape[-3:-1]
+    products = xp.matmul(rows.reshape((*lead, many * each, 4)), xp.moveaxis(terms, -1, -2))
+    index = xp.arange(number, device=device(points))
+    own = AWAY**2 * xp.astype(vertices[..., None] == index, points.dtype)
+    least = xp.min(products.reshape((*lead, many, each, number)) + own[..., None, :], axis=-1)
+    return xp.sqrt(xp.clip(least + xp.sum(centers * centers, axis=-1), 0.0, None))
+
+
+def _beside(sheet: Sheet, hands: Hands, vertices: Array) -> Array:
+    """Returns whether the other picker holds each vertex (..., k), or a neighbor: (..., 2, k)."""
+    xp = namespace(vertices)
+    columns = sheet.columns[..., None, None]
+    held, each = xp.flip(hands.held, axis=-1)[..., None], vertices[..., None, :]
+    near = xp.abs(held // columns - each // columns) <= 1
+    near = near & (xp.abs(held % columns - each % columns) <= 1)
+    return near & xp.flip(hands.holds, axis=-1)[..., None]
+
+
+def entries(values: Array, indices: Array) -> Array:
+    """Returns values (..., k) out of values (..., n) by their indices (..., k)."""
+    return namespace(values).take_along_axis(values, indices, axis=-1)
+
+
+def entry(values: Array, index: Array) -> Array:
+    """Returns a value (...) out of values (..., n) by its index (...)."""
+    return entries(values, index[..., None])[..., 0]
+
+
+def point(points: Array, index: Array) -> Array:
+    """Returns a point (..., k) out of points (..., n, k) by its index (...)."""
+    return namespace(points).take_along_axis(points, index[..., None, None], axis=-2)[..., 0, :]
