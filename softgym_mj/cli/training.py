@@ -71,7 +71,7 @@ def train(
         typer.Option(
             help="Policy that distill imitates: with --trust FILE.pt2, or the name of one in "
             "docs/results/policies of a clone; or MODULE:FUNCTION that maps markov observations "
-            "to actions.",
+            "to actions, or those that its attribute `observes` names.",
         ),
     ] = None,
     trust: Trust = False,
@@ -204,8 +204,7 @@ def _teacher(name: str, trust: bool) -> dict[str, Any]:
     from softgym_mj.policies.saved import imported
 
     if ":" in name:
-        imported(name)
-        return {"teacher": name, "privileged": "markov"}
+        return {"teacher": name, "privileged": getattr(imported(name), "observes", "markov")}
     file = policy_file(name)
     if not file.endswith(SUFFIX) or not pathlib.Path(file).is_file():
         raise InvalidArgumentError("teacher", name, f"FILE{SUFFIX}, or {PUBLISHED.format('NAME')}")

@@ -117,7 +117,11 @@ class TrainingSetup:
     def _make(self, number: int, **settings: Any) -> Any:
         own, observed = self.settings, self.settings.observed
         if (privileged := getattr(self.method.settings, "privileged", None)) is not None:
-            observed["observation"] = [*own.observations, privileged]
+            names = [*dict.fromkeys([*own.observations, *privileged.split("+")])]
+            if len(names) == 1:
+                valid = f"another one than the teacher's, {privileged!r}"
+                raise InvalidArgumentError("observation", own.observation, valid)
+            observed["observation"] = names
         return softgym_mj.make_vec(
             own.task, number, device=self.device, **{**observed, **own.task_settings, **settings}
         )

@@ -229,6 +229,32 @@ def test_a_function_of_a_module_labels_states_for_students_of_states():
     torch.testing.assert_close(student(seen), student.head(torch.cat([features, numbers], -1)))
 
 
+def test_a_teacher_takes_the_observations_that_its_function_names():
+    name = "softgym_mj.policies.reactive:fold_crumpled_cloth"
+    settings = training._teacher(name, False)
+    assert settings == {"teacher": name, "privileged": "full+markov"}
+    seen = {
+        "full": torch.rand(1, 4, 30),
+        "markov": torch.rand(1, 4, 26),
+        "held": torch.ones(1, 4, 2),
+    }
+    shapes = {each: tuple(array.shape[2:]) for each, array in seen.items()}
+    problem = Problem(
+        "fold_crumpled_cloth", {}, [0], 4, (), 8, 1.0, "cpu", ("full", "held"), shapes, 100
+    )
+    taken = []
+
+    def teacher(states):
+        taken.append(states)
+        return torch.zeros(1, 4, 8)
+
+    learner = Distill(DistillSettings(**SMALL, privileged="full+markov"), problem, teacher)
+    learner.act(seen, torch.ones(1, 4, dtype=torch.bool), None, explore=True)
+    torch.testing.assert_close(taken[0], torch.cat([seen["full"], seen["markov"]], -1))
+    # The student observes its own part.
+    assert learner.students[0].others == ["full", "held"]
+
+
 def test_students_of_points_need_numbers_with_the_reduced_state():
     settings = DistillSettings(**SMALL | {"features": 8}, points=True)
     for shapes in ({"reduced": (66,), "rgb": (SIZE, SIZE, 3)}, {"full": (246,), "held": (2,)}):

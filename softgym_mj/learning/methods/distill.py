@@ -61,7 +61,8 @@ class Distill:
             teacher: Maps privileged observations (seeds, n, k) to actions (seeds, n, action).
         """
         self._settings, self._problem, self._teacher = settings, problem, teacher
-        shapes = {name: s for name, s in problem.shapes.items() if name != settings.privileged}
+        own = {problem.observed} if isinstance(problem.observed, str) else {*problem.observed}
+        shapes = {name: shape for name, shape in problem.shapes.items() if name in own}
         at = problem.device
         layout = None
         if settings.points:
@@ -109,7 +110,8 @@ class Distill:
         """Stores observations with the teacher's labels; returns actions to execute."""
         settings, num_envs = self._settings, self._problem.num_envs
         with torch.no_grad():
-            label = self._teacher(observation[settings.privileged])
+            seen = [observation[name] for name in settings.privileged.split("+")]
+            label = self._teacher(torch.cat(seen, -1))
         self.frames.add({**observation, LABEL: label}, first)
         number = torch.arange(num_envs, device=action.device)[:, None]
         wild = settings.wild_noise * (number >= num_envs - num_envs // 8)

@@ -22,7 +22,8 @@ class StudentSettings:
     """Settings of a student.
 
     Attributes:
-        privileged: name of the observation that the teacher takes, such as "markov".
+        privileged: name of the observation that the teacher takes, such as "markov"; "+" joins
+            several, whose numbers follow each other.
         frames: number of successive images in an observation.
         channels: number of filters of each convolution.
         features: size of the encoding of the images.

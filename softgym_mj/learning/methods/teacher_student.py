@@ -118,7 +118,7 @@ def make(settings: TeacherStudentSettings, problem: Problem) -> TeacherStudent:
 
     Raises:
         InvalidArgumentError: for a problem without images, or env steps that leave none for the
-            student.
+            student, or several privileged observations.
     """
     share = settings.teacher_env_steps
     if share % problem.num_envs or share >= problem.env_steps:
@@ -126,6 +126,8 @@ def make(settings: TeacherStudentSettings, problem: Problem) -> TeacherStudent:
         raise InvalidArgumentError("teacher_env_steps", share, valid)
     _, method = find_preset("sac", "fast", problem.task, **settings.teacher_settings)
     check_random_steps(method.settings, share, problem.num_envs)
+    if settings.privileged not in problem.shapes:
+        raise InvalidArgumentError("privileged", settings.privileged, tuple(problem.shapes))
     own = dataclasses.replace(
         problem, observed=settings.privileged, observation=problem.shapes[settings.privileged],
         shapes={}, env_steps=share,
