@@ -110,8 +110,32 @@ def long() -> str:
     )
 
 
+# Reasons of `benchmarks.gpu_limits` for which warps wait, in words; the others are "other".
+WAITS = {
+    "barrier": "barriers",
+    "long_scoreboard": "memory",
+    "wait": "arithmetic",
+    "no_instruction": "instructions",
+}
+
+
+def limits() -> str:
+    """Shares of the GPU's limits that kernels reach, and for what their warps wait."""
+    found, rows = measured("gpu_limits"), []
+    for task, own in found["tasks"].items():
+        cells = [f"{own['ns'] / 1e6:.1f}", f"{own['threads']:.0f}", f"{own['lanes']:.0f}"]
+        cells += [f"{own[name]:.0f} %" for name in ("warps", "issue", "fp64", "l1", "l2", "dram")]
+        waits = sorted(WAITS, key=own["waits"].__getitem__, reverse=True)[:3]
+        cells.append(", ".join(f"{WAITS[name]} {own['waits'][name]:.0f} %" for name in waits))
+        rows.append(f"| `{task}` | {' | '.join(cells)} |")
+    shares = "resident warps | issue slots | FP64 | L1 | L2 | DRAM"
+    head = f"| task | ms | threads | active lanes of 32 | {shares} | warps wait for |"
+    return f"{table(head, rows)}\n\n{found['machine']['gpu']}."
+
+
 TABLES: Mapping[str, Callable[[], str]] = {
     "rates": rates,
+    "limits": limits,
     "arms": arms,
     "images": images,
     "bits": bits,
