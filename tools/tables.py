@@ -1,8 +1,8 @@
 """Writes tables into README.md and docs: of the tasks, and of what was measured.
 
 That is docs/experts.json, docs/throughput.json, docs/vector.json, those of
-tools/gpu_tables.py, docs/lab.csv, docs/rope_recordings.json, docs/cloth_recordings.json,
-docs/water_recordings.json, and docs/results.
+tools/gpu_tables.py, docs/lerobot.json, docs/lab.csv, docs/rope_recordings.json,
+docs/cloth_recordings.json, docs/water_recordings.json, and docs/results.
 """
 
 import json
@@ -24,6 +24,7 @@ from tools import (
     grasp_table,
     lab_tables,
     learned,
+    lerobot_table,
     presets,
     published_commands,
     reality_table,
@@ -48,6 +49,7 @@ PAGES = (
     LEARNING,
     CUSTOM,
     BEYOND,
+    RECIPES,
 ) = (
     ROOT / "README.md",
     DOCS / "domain.md",
@@ -61,6 +63,7 @@ PAGES = (
     DOCS / "learning.md",
     DOCS / "custom_tasks.md",
     DOCS / "softgym_plus.md",
+    DOCS / "recipes.md",
 )
 POLICIES = ("zero", "random", "scripted", "cem", "icem")
 
@@ -229,6 +232,7 @@ def pages() -> dict[pathlib.Path, str]:
     texts[LEARNING] = between(texts[LEARNING], "presets", presets.presets())
     texts[LEARNING] = between(texts[LEARNING], "settings", settings_table.sac())
     texts[CUSTOM] = between(texts[CUSTOM], "grasps", grasp_table.grasps())
+    texts[RECIPES] = between(texts[RECIPES], "lerobot", lerobot_table.scores())
     texts[RESULTS] = between(texts[RESULTS], "commands", published_commands.commands())
     texts[DOMAIN] = with_table(texts[DOMAIN], parameters())
     texts[VALIDATION] = between(texts[VALIDATION], "experts", experts.table(scores))
