@@ -17,6 +17,7 @@ PARTICLE_SPACING = 0.00625
 MIN_DIM, MAX_DIM = 10, 200  # Accepted sizes in particles: 0.06 m to 1.24 m.
 DEFAULT_DIMS = (96, 58)  # SoftGym's size when variations are off (docs/softgym.md 3.0).
 # [m] Vertex spacing.
+KEY_POINTS = 8  # Number along each side.
 FIDELITIES = {"fast": 0.04, "default": 0.03, "accurate": 0.02}
 
 
@@ -147,6 +148,7 @@ class Cloth(Sheet):
             "size": np.array(self.size),
             "triangles": self.triangles,
             "corners": self.corners,
+            "key_points": (_evenly(rows)[:, None] * columns + _evenly(columns)).ravel(),
             "grid": np.arange(rows * columns).reshape(rows, columns),
             "by_row": _interpolation(dims[1], rows),
             "by_column": _interpolation(dims[0], columns),
@@ -184,6 +186,11 @@ def _dims(size: tuple[float, float]) -> tuple[int, int]:
         raise InvalidArgumentError("size", size, f"two lengths in {low:.3f}..{high:.3f} m")
     dimx, dimy = (round(side / PARTICLE_SPACING) + 1 for side in size)
     return dimx, dimy
+
+
+def _evenly(number: int) -> np.ndarray:
+    """Returns `KEY_POINTS` of the indices below a number, evenly spaced."""
+    return np.linspace(0, number - 1, KEY_POINTS).round().astype(int)
 
 
 def _interpolation(particles: int, vertices: int) -> np.ndarray:

@@ -14,11 +14,12 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
 
 SCALE = 8.0  # [1/m] Positions are multiplied by it, so that workspaces measure a few units.
+POINTS = "reduced", "key_points"  # Observations with points.
 _HEADS = 8  # Number of attentions over the points.
 
 
 class Layout(NamedTuple):
-    """Indices of points in the observation `reduced`.
+    """Indices of points in an observation `reduced` or `key_points`.
 
     Attributes:
         points: of the object (n, 3).
@@ -31,8 +32,12 @@ class Layout(NamedTuple):
     grippers: np.ndarray
 
 
-def layout_of(env: Environment) -> Layout:
-    """Returns where an environment's observation `reduced` has points.
+def layout_of(env: Environment, name: str) -> Layout:
+    """Returns where an observation has points.
+
+    Args:
+        env: environment.
+        name: "reduced" or "key_points".
 
     Raises:
         InvalidArgumentError: unless it has points of an object, as many of a goal or none, and
@@ -41,21 +46,22 @@ def layout_of(env: Environment) -> Layout:
     task = env.task
     places: dict[str, list[int]] = {"object": [], "goal": [], "other": []}
     size = 0
-    for entry in task.reduced(task.scene.state(), task.episode).values():
+    entries = getattr(task, name)(task.scene.state(), task.episode)
+    for entry in entries.values():
         number = np.size(entry.values)
         if entry.kind != "numbers":
             places[entry.role] += range(size, size + number)
         size += number
     points, goals = (np.reshape(places[role], (-1, 3)) for role in ("object", "goal"))
     if not len(points) or len(goals) not in (0, len(points)) or task.actor.name != "picker":
-        valid = "False, unless pickers move an object whose points `reduced` lists"
+        valid = f"False, unless pickers move an object whose points `{name}` lists"
         raise InvalidArgumentError("points", True, valid)
     number = 3 * task.actor.num_grippers
     return Layout(points, goals, np.arange(size, size + number).reshape(-1, 3))
 
 
 class PointEncoder(nn.Module):
-    """Features of numbers that start with an observation `reduced`."""
+    """Features of numbers that start with an observation of a `Layout`."""
 
     def __init__(self, layout: Layout, numbers: int, features: int):
         """Draws the weights from PyTorch's generator.

@@ -127,9 +127,17 @@ class HangCloth(Task):
         return guided("hanging", performance, 1.0 - abs(away), info)
 
     def reduced(self, state: State, episode: Episode) -> Entries:
-        x, z, radius = (episode.goal["bar"][..., i] for i in range(3))
-        top = metrics.columns(x, 0.0 * x, z + radius)
-        return {**entries.corners(state, episode), "top of the bar": entries.point(top, "goal")}
+        return entries.corners(state, episode) | _top(episode)
+
+    def key_points(self, state: State, episode: Episode) -> Entries:
+        return entries.key_points(state, episode) | _top(episode)
+
+
+def _top(episode: Episode) -> dict[str, entries.Entry]:
+    """Returns the top of the bar."""
+    x, z, radius = (episode.goal["bar"][..., i] for i in range(3))
+    top = metrics.columns(x, 0.0 * x, z + radius)
+    return {"top of the bar": entries.point(top, "goal")}
 
 
 class Across(NamedTuple):

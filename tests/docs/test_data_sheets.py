@@ -11,7 +11,7 @@ from softgym_mj.robots.arm.models import ARMS
 from tests.kinds import by_material
 from tools import data_sheets, interface_page, sheet_entries
 
-STATES = ("full", "reduced", "markov", "proprioception")
+STATES = ("full", "reduced", "markov", "key_points", "proprioception")
 CASES = [
     *((task, {}) for task in softgym_mj.TASKS),
     ("straighten_rope", {"actor": "sawyer", "arms": 1}),

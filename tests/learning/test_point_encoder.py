@@ -9,10 +9,10 @@ from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.point_encoder import SCALE, PointEncoder, layout_of
 
 
-def layout(task, **settings):
-    env = softgym_mj.load(task, observation="reduced", **settings)
+def layout(task, name="reduced", **settings):
+    env = softgym_mj.load(task, observation=name, **settings)
     timestep = env.reset(0)
-    return layout_of(env), env, timestep.observation["reduced"]
+    return layout_of(env, name), env, timestep.observation[name]
 
 
 @pytest.mark.parametrize("task, points", [("rope_configuration", 10), ("fold_cloth", 4)])
@@ -26,6 +26,17 @@ def test_a_layout_finds_points_goals_and_pickers(task, points):
         np.testing.assert_allclose(seen[found.goals], goal)
     else:
         assert len(found.goals) == 0
+
+
+def test_key_points_of_a_cloth_are_spread_evenly():
+    found, env, seen = layout("fold_crumpled_cloth", "key_points")
+    assert found.points.shape == (64, 3) and len(found.goals) == 0
+    np.testing.assert_allclose(seen[found.grippers], env.task.actor.positions())
+    rows, columns = env.task.cloth.shape
+    vertices = seen[found.points].reshape(8, 8, 3)
+    for i, row in enumerate(np.linspace(0, rows - 1, 8).round().astype(int)):
+        for k, column in enumerate(np.linspace(0, columns - 1, 8).round().astype(int)):
+            assert vertices[i, k].tolist() == env.task.cloth.grid()[row, column].tolist()
 
 
 def test_observations_without_points_are_refused():

@@ -74,7 +74,7 @@ def measured(task, state: State, episode: Episode) -> dict[str, Any]:
     further = labels(task.reduced(state, episode)) | task.secondary_metrics(
         state, episode, measures
     )
-    names = ("reduced", "markov", "proprioception")
+    names = ("reduced", "key_points", "markov", "proprioception")
     seen = {name: STATES[name].value(task, state, episode) for name in names}
     return flattened((measures, task.bounds(episode), further | seen))
 

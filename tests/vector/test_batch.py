@@ -27,7 +27,7 @@ from tests.kinds import by_kind, by_material
 from tests.native.torch_device import TorchDevice
 from tests.vector.same import same
 
-STATES = ["full", "full_mask", "held", "markov", "proprioception", "reduced"]
+STATES = ["full", "full_mask", "held", "key_points", "markov", "proprioception", "reduced"]
 VARIATIONS = [803, 806, 811]
 
 

@@ -20,7 +20,7 @@ from softgym_mj.learning.frames import Frames, stacked
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.methods.students import Observation, Student, StudentSettings
 from softgym_mj.learning.networks import StoredInHalf, drawn, generators
-from softgym_mj.learning.point_encoder import layout_of
+from softgym_mj.learning.point_encoder import POINTS, layout_of
 from softgym_mj.policies.saved import imported
 from softgym_mj.storage.files import read_whole
 from softgym_mj.validation import typed
@@ -66,10 +66,11 @@ class Distill:
         at = problem.device
         layout = None
         if settings.points:
-            if any(len(shape) > 1 for shape in shapes.values()) or "reduced" not in shapes:
-                valid = "'reduced' and other numbers with points=True"
+            found = [name for name in POINTS if name in shapes]
+            if len(found) != 1 or any(len(shape) > 1 for shape in shapes.values()):
+                valid = f"one of {', '.join(POINTS)}, and other numbers, with points=True"
                 raise InvalidArgumentError("observation", problem.observed, valid)
-            layout = layout_of(problem.example())
+            layout = layout_of(problem.example(), *found)
         self.students = []
         for seed in problem.seeds:
             with torch.random.fork_rng(devices=[]):

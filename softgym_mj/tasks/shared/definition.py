@@ -129,6 +129,13 @@ class Definition(composer.Task, abc.ABC):
             for name, points in state.points.items()
         }
 
+    def key_points(self, state: State, episode: Episode) -> Entries:
+        """Returns as many numbers in every variation that describe the object's shape.
+
+        By default they are those of `reduced`; corners do not describe the shape of a cloth.
+        """
+        return self.reduced(state, episode)
+
     def extra_state(self, state: State, episode: Episode) -> Entries:
         """Returns what the full state lists after the points, by name as in `reduced`."""
         return {}

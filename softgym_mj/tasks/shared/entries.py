@@ -74,6 +74,12 @@ def corners(state: State, episode: Episode) -> dict[str, Entry]:
     return {f"corner p{i + 1}": point(found[..., i, :], "object") for i in range(4)}
 
 
+def key_points(state: State, episode: Episode) -> dict[str, Entry]:
+    """Returns evenly spaced vertices of the cloth, row by row."""
+    found = metrics.taken(state.points["cloth"], episode.shapes["cloth"]["key_points"])
+    return {"key points": points(found, "object")}
+
+
 CUP_SIZE = 6  # Number of values of `cup`.
 
 

@@ -70,3 +70,6 @@ class LaidCloth(Task):
 
     def reduced(self, state: State, episode: Episode) -> Entries:
         return entries.corners(state, episode)
+
+    def key_points(self, state: State, episode: Episode) -> Entries:
+        return entries.key_points(state, episode)

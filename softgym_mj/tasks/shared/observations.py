@@ -67,6 +67,13 @@ def reduced(task: Any, state: State, episode: Episode) -> Array:
     return _joined([*entries, *_sensed(task, state)], lead)
 
 
+def key_points(task: Any, state: State, episode: Episode) -> Array:
+    """Returns the numbers of `Task.key_points`, then the actor's proprioception: (..., n)."""
+    lead = state.sensed.shape[:-1]
+    entries = values("key_points", task.key_points(state, episode))
+    return _joined([*entries, *_sensed(task, state)], lead)
+
+
 def markov(task: Any, state: State, episode: Episode) -> Array:
     """Returns `reduced`, then what else determines the actor's next steps: (..., n)."""
     seen = reduced(task, state, episode)
@@ -95,6 +102,9 @@ STATES = {
         markov,
         "`reduced`, then the actor's internal state: what grippers hold, the velocity of a cup, "
         "commands of arms",
+    ),
+    "key_points": StateObservation(
+        key_points, "`reduced`, with 8 x 8 vertices of a cloth in place of its corners"
     ),
     "full_mask": StateObservation(
         full_mask, "uint8, 1 for each point of `full` that exists and 0 for padding"
