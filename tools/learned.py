@@ -33,8 +33,8 @@ STALE = {
 _TITLES = {"teacher_student": "teacher and student", "distill": "distillation"}
 _KINDS = "policy on states", "on images + proprioception", "on images alone", "CEM"
 _SEEDS = 5  # Number of seeds of a row, unless the overview names another.
-# Colors of methods with their observations: Matplotlib's cycle, with black for its gray.
-_COLORS = *(f"C{k}" for k in range(10) if k != 7), "black"
+# Colors of methods with their observations: Matplotlib's cycle, with black for its gray, and more.
+_COLORS = *(f"C{k}" for k in range(10) if k != 7), "black", "navy", "darkgreen", "maroon", "orchid"
 _STYLES = "-", ":", "--", "-."  # Line styles of the curves of a method and observation in a panel.
 _DASHES = "--", "-.", (0, (1, 4))  # Line styles of published numbers of others in a panel.
 _LOWEST = -0.5  # Lower end of the axis: worse policies would squeeze the others.
