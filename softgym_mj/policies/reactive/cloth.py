@@ -40,7 +40,7 @@ AROUND, RISE, OVER = 0.12, 0.7, 0.2
 
 
 class Holds(NamedTuple):
-    """What pickers hold.
+    """Vertices that pickers hold.
 
     Attributes:
         ends: end of the middle column that each holds or is nearest to (..., 2).
