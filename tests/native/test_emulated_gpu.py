@@ -61,7 +61,7 @@ def test_a_block_makes_the_steps_of_the_plugin(emulated, task, variation):
     step_and_check(emulated, task, variation, OF_WATER if "water" in task else STEPS)
 
 
-@pytest.mark.parametrize("threads", [16, 128])  # Less than a warp, and four warps.
+@pytest.mark.parametrize("threads", [pytest.param(16, marks=pytest.mark.long), 128])
 def test_a_block_lets_hands_push_as_a_thread_does(threads):
     push_and_check(_compile("-O1"), 3, threads)
 
