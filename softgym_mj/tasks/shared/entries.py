@@ -80,9 +80,6 @@ def key_points(state: State, episode: Episode) -> dict[str, Entry]:
     return {"key points": points(found, "object")}
 
 
-CUP_SIZE = 6  # Number of values of `cup`.
-
-
 def cup(name: str, state: State, episode: Episode) -> dict[str, Entry]:
     """Returns a cup's pose and inner size."""
     pose, size = state.poses[name], episode.shapes[name]["size"]
