@@ -34,12 +34,8 @@ METHODS = {
 PRESETS = pathlib.Path(__file__).parent / "methods" / "presets"  # Folder with a file per method.
 _ROOM = "softgym_mj.learning.methods"
 LARGEST_LAYER, LARGEST_BATCH = 16_384, 1_000_000
-LABELED = {
-    "observation",
-    "symmetric",
-    "teacher",
-    "privileged",
-}  # Settings that do not make a preset "custom": curves name them.
+# Settings that do not make a preset "custom": curves name them.
+LABELED = {"observation", "symmetric", "teacher", "privileged"}
 
 
 def find_method(name: str, /, **settings: Any) -> Method:
