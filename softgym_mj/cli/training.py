@@ -62,8 +62,8 @@ def train(
     observation: Annotated[
         str | None,
         typer.Option(
-            help="Observation of the policy instead of the preset's: reduced, markov, full or "
-            "rgb; of distill, names such as rgb,proprioception,held."
+            help="Observation of the policy instead of the preset's: reduced, markov, key_points, "
+            "full or rgb; of distill, names such as rgb,proprioception,held."
         ),
     ] = None,
     teacher: Annotated[

@@ -10,7 +10,7 @@ from softgym_mj.registry import find
 from softgym_mj.validation import typed
 from softgym_mj.variations.indices import SPLITS
 
-OBSERVATIONS = ("reduced", "markov", "full", "rgb")
+OBSERVATIONS = ("reduced", "markov", "key_points", "full", "rgb")
 # Arguments of a task that trainings set, by the setting that sets them.
 _OWN = {
     "observation": "observation", "image_size": "image_size", "horizon": "episode_steps",

@@ -139,7 +139,8 @@ _NEEDS = {
     HELD: "grippers, which tasks with cloth or rope have",
     GOAL_RGB: "a task that renders its goal, such as rope_configuration",
 }
-_SHOW_GOAL = {"full", "reduced", "markov", GOAL_RGB}  # These show the goal without marks in images.
+# These show the goal without marks in images.
+_SHOW_GOAL = {"full", "reduced", "markov", "key_points", GOAL_RGB}
 DEFAULT_IMAGE_SIZE = (128, 128)  # (height, width), as in the paper's experiments.
 
 
