@@ -16,6 +16,7 @@ import numpy as np
 import warp as wp
 
 from benchmarks.peers.scene import STEP, Scene
+from benchmarks.peers.warp_steps import WarpSteps
 
 TIMESTEP = 0.002  # [s] MuJoCo's default.
 CONTACT = 'solref="0.01 1" solimp=".95 .99 .0001"'
@@ -52,8 +53,8 @@ def spec(scene: Scene) -> str:
 </mujoco>"""
 
 
-class MujocoWarpFlex:
-    """A `Simulation` by MuJoCo Warp: a world per environment, a CUDA graph per step."""
+class MujocoWarpFlex(WarpSteps):
+    """A `Simulation` by MuJoCo Warp: a world per environment."""
 
     substeps = round(STEP / TIMESTEP)
 
@@ -61,7 +62,7 @@ class MujocoWarpFlex:
         """Compiles the model and captures a step; `device` is "cpu" or "cuda"."""
         wp.set_device(device)
         model, count = mujoco.MjModel.from_xml_string(spec(scene)), scene.num_points
-        self._origin, self._graph = scene.points(), None
+        self._origin = scene.points()
         self.settings: dict[str, Any] = {
             "mujoco_warp": mujoco_warp.__version__,
             "mujoco": mujoco.__version__,
@@ -76,13 +77,7 @@ class MujocoWarpFlex:
         )
         offsets = (scene.starts(num_envs) - self._origin).reshape(num_envs, -1)
         self._start = wp.array(offsets, dtype=float)
-        self.restart()
-        self._steps()  # Compiles the kernels.
-        if wp.get_device().is_cuda:
-            with wp.ScopedCapture() as capture:
-                self._steps()
-            self._graph = capture.graph
-        self.restart()
+        self.capture()
 
     def _steps(self) -> None:
         for _ in range(self.substeps):
@@ -93,26 +88,12 @@ class MujocoWarpFlex:
         wp.copy(self._data.qpos, self._start)
         self._data.eq_active.fill_(True)
 
-    def step(self) -> None:
-        if self._graph is None:
-            self._steps()
-        else:
-            wp.capture_launch(self._graph)
-
-    def wait(self) -> None:
-        wp.synchronize_device()
-
     def release(self) -> None:
         self._data.eq_active.fill_(False)
 
     def positions(self, number: int) -> np.ndarray:
         slides = self._data.qpos[:number].numpy().astype(float)
         return slides.reshape(number, -1, 3) + self._origin
-
-    def peak_memory(self) -> float | None:
-        if not wp.get_device().is_cuda:
-            return None
-        return wp.get_mempool_used_mem_high(wp.get_device()) / 1e9
 
     def problems(self) -> list[str]:
         bits = np.bitwise_or.reduce(self._data.overflow.numpy())

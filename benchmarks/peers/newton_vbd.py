@@ -13,6 +13,7 @@ import numpy as np
 import warp as wp
 
 from benchmarks.peers.scene import STEP, Scene
+from benchmarks.peers.warp_steps import WarpSteps
 
 SUBSTEPS = 6  # Even: a CUDA graph swaps both states back.
 CONTACT_STIFFNESS, CONTACT_DAMPING = 1e3, 1e-1
@@ -54,8 +55,8 @@ def model_of(scene: Scene, num_envs: int) -> newton.Model:
     return model
 
 
-class NewtonVbd:
-    """A `Simulation` by Newton: a world per environment, a CUDA graph per step."""
+class NewtonVbd(WarpSteps):
+    """A `Simulation` by Newton: a world per environment."""
 
     substeps = SUBSTEPS
 
@@ -89,14 +90,7 @@ class NewtonVbd:
         corners = np.arange(num_envs)[:, None] * scene.num_points + np.array(scene.held)
         flags[corners] &= ~int(newton.ParticleFlags.ACTIVE)
         self._fixed = wp.array(flags, dtype=wp.int32)
-        self._graph = None
-        self.restart()
-        self._steps()  # Compiles the kernels.
-        if wp.get_device().is_cuda:
-            with wp.ScopedCapture() as capture:
-                self._steps()
-            self._graph = capture.graph
-        self.restart()
+        self.capture()
 
     def _steps(self) -> None:
         first, second = self._states
@@ -113,26 +107,12 @@ class NewtonVbd:
             state.particle_qd.zero_()
         wp.copy(self._model.particle_flags, self._fixed)
 
-    def step(self) -> None:
-        if self._graph is None:
-            self._steps()
-        else:
-            wp.capture_launch(self._graph)
-
-    def wait(self) -> None:
-        wp.synchronize_device()
-
     def release(self) -> None:
         wp.copy(self._model.particle_flags, self._free)
 
     def positions(self, number: int) -> np.ndarray:
         points = self._states[0].particle_q[: number * self._count].numpy().astype(float)
         return points.reshape(number, self._count, 3)
-
-    def peak_memory(self) -> float | None:
-        if not wp.get_device().is_cuda:
-            return None
-        return wp.get_mempool_used_mem_high(wp.get_device()) / 1e9
 
     def problems(self) -> list[str]:
         flags = self._solver.trimesh_collision_detector.resize_flags.numpy()
