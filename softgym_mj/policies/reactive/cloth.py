@@ -10,19 +10,16 @@ from softgym_mj.metrics import Array, lengths, namespace, taken
 from softgym_mj.policies.reactive.grasps import (
     TOP,
     Grasps,
-    Hands,
     Sheet,
     entries,
     entry,
     find_grasps,
     parsed,
-    point,
 )
+from softgym_mj.policies.reactive.hands import Hands, point_at
 from softgym_mj.policies.reactive.laying import laying
 from softgym_mj.policies.reactive.motions import Motion, actions, at
-from softgym_mj.robots.gripper import MAX_DISPLACEMENT
 
-STRIDE = 8 * MAX_DISPLACEMENT  # [m] Displacement in an env step at full speed.
 LIFTING, LAYING = 0.8, 0.6  # Fractions of full speed at which one or both pickers move cloth.
 DRAGGED = 0.3  # [m] Height at which an end is dragged.
 REST = 0.2  # [m] Height of idle pickers.
@@ -79,7 +76,7 @@ def fold_crumpled_cloth(observation: Array) -> Array:
         speed = xp.where(both, LAYING * full, LIFTING * full)
         speed = xp.where(stays & ~rests, speed, full)
         motions.append(Motion(goal, closed & ~rests, speed))
-    return xp.astype(actions(hands.centers, motions, STRIDE), observation.dtype)
+    return xp.astype(actions(hands.centers, motions), observation.dtype)
 
 
 def _lifted(sheet: Sheet, holds: Holds, center: Array, i: int) -> Array:
@@ -150,7 +147,7 @@ def _fetched(
     end = xp.where(holds.good[..., other], 1 - holds.ends[..., other], end)
     second, index = (end == 1)[..., None], entry(best[..., i, :], end)
     centers, directions = (
-        [point(each[..., e, :, :], index) for e in range(2)]
+        [point_at(each[..., e, :, :], index) for e in range(2)]
         for each in (grasps.centers, grasps.directions)
     )
     grasp = xp.where(second, centers[1], centers[0])

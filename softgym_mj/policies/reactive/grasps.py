@@ -7,6 +7,7 @@ import numpy as np
 from array_api_compat import device
 
 from softgym_mj.metrics import Array, constant, lengths, namespace, taken
+from softgym_mj.policies.reactive.hands import Hands, found_hands
 
 FLOOR, TOP = 0.05, 0.45  # [m] Lowest and highest picker centers of the workspace.
 EDGE = 0.8  # [m] Farthest picker centers along X and Y.
@@ -46,24 +47,6 @@ class Sheet(NamedTuple):
     flat: Array
     size: Array
     costs: Array
-
-
-class Hands(NamedTuple):
-    """Two pickers.
-
-    Attributes:
-        centers: (..., 2, 3) [m].
-        holds: whether each holds a vertex (..., 2).
-        lost: whether each must open before it can take a vertex (..., 2).
-        held: index of the vertex that it holds, or of the nearest one (..., 2).
-        places: of held vertices (..., 2, 3) [m].
-    """
-
-    centers: Array
-    holds: Array
-    lost: Array
-    held: Array
-    places: Array
 
 
 class Grasps(NamedTuple):
@@ -128,18 +111,7 @@ def parsed(observation: Array) -> tuple[Sheet, Hands]:
     flat = xp.stack([flat_x, flat_y], axis=-1)
     points = xp.where(present[..., None], points, xp.full_like(points, AWAY))
     sheet = Sheet(points, present, rows, columns, flat, size, xp.stack(costs, axis=-2))
-    return sheet, _hands(markov[..., 12:], points)
-
-
-def _hands(numbers: Array, points: Array) -> Hands:
-    """Returns pickers of their centers and grips (..., 14) at points (..., n, 3) [m]."""
-    xp, lead = namespace(numbers), numbers.shape[:-1]
-    centers = numbers[..., :6].reshape((*lead, 2, 3))
-    grips = numbers[..., 6:].reshape((*lead, 2, 4))
-    places = centers + grips[..., 1:]
-    places = xp.concat([places[..., :2], xp.clip(places[..., 2:], RESTING, None)], axis=-1)
-    held = xp.argmin(lengths(points[..., None, :, :] - places[..., :, None, :]), axis=-1)
-    return Hands(centers, grips[..., 0] > 0.5, grips[..., 0] < -0.5, held, places)
+    return sheet, found_hands(markov[..., 12:], points, RESTING)
 
 
 def find_grasps(sheet: Sheet, hands: Hands) -> Grasps:
@@ -243,8 +215,3 @@ def entries(values: Array, indices: Array) -> Array:
 def entry(values: Array, index: Array) -> Array:
     """Returns a value (...) out of values (..., n) by its index (...)."""
     return entries(values, index[..., None])[..., 0]
-
-
-def point(points: Array, index: Array) -> Array:
-    """Returns a point (..., k) out of points (..., n, k) by its index (...)."""
-    return namespace(points).take_along_axis(points, index[..., None, None], axis=-2)[..., 0, :]

@@ -2,8 +2,9 @@
 
 from typing import NamedTuple
 
-from softgym_mj.metrics import Array, namespace
-from softgym_mj.policies.reactive.grasps import FLOOR, TOP, Hands, Sheet
+from softgym_mj.metrics import Array, namespace, taken
+from softgym_mj.policies.reactive.grasps import FLOOR, TOP, Sheet
+from softgym_mj.policies.reactive.hands import Hands
 from softgym_mj.policies.reactive.motions import at
 
 PACE = 0.06  # [m] Distance along X in an env step.
@@ -45,7 +46,7 @@ def laying(sheet: Sheet, hands: Hands) -> Laid:
     X = 0, on which the edges stay in place.
     """
     xp, half = namespace(sheet.points), sheet.size[..., 0] / 2
-    flat = xp.take_along_axis(sheet.flat, hands.held[..., None], axis=-2)
+    flat = taken(sheet.flat, hands.held)
     away = hands.places[..., :2] - flat
     longer = 1.0 + BEYOND / half
     x, aside = xp.mean(away[..., 0], axis=-1) / longer, xp.max(xp.abs(away[..., 1]), axis=-1)

@@ -4,6 +4,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from softgym_mj.metrics import Array, namespace
+from softgym_mj.robots.gripper import MAX_DISPLACEMENT
+
+STRIDE = 8 * MAX_DISPLACEMENT  # [m] Displacement in an env step of 8 sim steps at full speed.
 
 
 class Motion(NamedTuple):
@@ -20,17 +23,16 @@ class Motion(NamedTuple):
     speed: Array
 
 
-def actions(centers: Array, motions: Sequence[Motion], stride: float) -> Array:
+def actions(centers: Array, motions: Sequence[Motion]) -> Array:
     """Returns actions (..., 4 k) of k pickers that move straight to their goals.
 
     Args:
         centers: (..., k, 3) [m].
         motions: one of each picker.
-        stride: displacement in an env step at full speed [m].
     """
     xp, parts = namespace(centers), []
     for i, (goal, closed, speed) in enumerate(motions):
-        move = (goal - centers[..., i, :]) / stride
+        move = (goal - centers[..., i, :]) / STRIDE
         move = move * (speed / xp.maximum(xp.max(xp.abs(move), axis=-1), speed))[..., None]
         parts += [move, xp.where(closed, xp.ones_like(speed), -xp.ones_like(speed))[..., None]]
     return xp.concat(parts, axis=-1)

@@ -1,12 +1,10 @@
 """Reactive expert of RopeConfiguration: carries points of the rope to their places."""
 
-from typing import NamedTuple
-
 from array_api_compat import device
 
 from softgym_mj.metrics import Array, constant, lengths, namespace, taken
+from softgym_mj.policies.reactive.hands import Hands, found_hands, point_at
 from softgym_mj.policies.reactive.motions import Motion, actions, at
-from softgym_mj.robots.gripper import MAX_DISPLACEMENT
 
 # Heights of a picker's center [m]: on the way to a point, with a point, and where it is released.
 TRAVEL, CARRY, LAID = 0.1, 0.07, 0.045
@@ -24,22 +22,6 @@ KEEP = 0.075  # [m] Distance of the pickers below which a free one moves away.
 NEXT = 5  # Minimum difference of the indices of two points that are moved at once.
 
 
-class Pickers(NamedTuple):
-    """Two pickers.
-
-    Attributes:
-        centers: (..., 2, 3) [m].
-        holds: whether each holds a point (..., 2).
-        lost: whether each must open before it can take a point (..., 2).
-        held: index of the point that it holds, or of the nearest one (..., 2).
-    """
-
-    centers: Array
-    holds: Array
-    lost: Array
-    held: Array
-
-
 def rope_configuration(observation: Array) -> Array:
     """Returns actions (..., 8) of RopeConfiguration for observations "markov" (..., 74).
 
@@ -51,12 +33,7 @@ def rope_configuration(observation: Array) -> Array:
     backwards = xp.flip(places, axis=-2)
     errors = [lengths(points - each).sum(-1) for each in (places, backwards)]
     places = xp.where((errors[0] <= errors[1])[..., None, None], places, backwards)
-    centers = observation[..., 60:66].reshape((*lead, 2, 3))
-    grips = observation[..., 66:].reshape((*lead, 2, 4))
-    offsets = points[..., None, :, :] - (centers + grips[..., 1:])[..., None, :]
-    held = xp.argmin(lengths(offsets), axis=-1)
-    pickers = Pickers(centers, grips[..., 0] > 0.5, grips[..., 0] < -0.5, held)
-    return carrying(points, places, pickers, 8 * MAX_DISPLACEMENT)
+    return carrying(points, places, found_hands(observation[..., 60:], points))
 
 
 def _between(points: Array) -> Array:
@@ -69,14 +46,13 @@ def _between(points: Array) -> Array:
     return xp.concat([flat, points[..., -1:, :]], axis=-2)
 
 
-def carrying(points: Array, places: Array, pickers: Pickers, stride: float) -> Array:
+def carrying(points: Array, places: Array, pickers: Hands) -> Array:
     """Returns actions (..., 8) that carry points to their places.
 
     Args:
         points: (..., n, 3) [m].
         places: (..., n, 3) [m].
         pickers: two pickers.
-        stride: displacement in an env step at full speed [m].
     """
     xp = namespace(points)
     targets = _targets(points, places, pickers)
@@ -89,10 +65,10 @@ def carrying(points: Array, places: Array, pickers: Pickers, stride: float) -> A
         closed = xp.where(holds, carried.closed, fetched.closed)
         speed = xp.where(holds, carried.speed, fetched.speed)
         motions.append(Motion(goal, closed, speed))
-    return actions(pickers.centers, motions, stride)
+    return actions(pickers.centers, motions)
 
 
-def _targets(points: Array, places: Array, pickers: Pickers) -> list[tuple[Array, Array]]:
+def _targets(points: Array, places: Array, pickers: Hands) -> list[tuple[Array, Array]]:
     """Returns, for each picker, the index (...) of the point to fetch, and whether there is one."""
     xp = namespace(points)
     index = xp.arange(points.shape[-2], device=device(points))
@@ -121,12 +97,12 @@ def _targets(points: Array, places: Array, pickers: Pickers) -> list[tuple[Array
     return result
 
 
-def _carried(points: Array, places: Array, pickers: Pickers, i: int) -> Motion:
+def _carried(points: Array, places: Array, pickers: Hands, i: int) -> Motion:
     """Returns the motion of picker `i` with what it holds: up, to its place, down, release."""
     xp = namespace(points)
     center, height = pickers.centers[..., i, :], pickers.centers[..., i, 2]
-    own = pickers.held[..., i, None]
-    place = center + (taken(places, own) - taken(points, own))[..., 0, :]
+    own = pickers.held[..., i]
+    place = center + (point_at(places, own) - point_at(points, own))
     there = _across(place, center) <= ARRIVED
     done = there & (height <= LAID + 0.005)
     laid = at(place[..., :2], xp.full_like(height, LAID))
@@ -139,12 +115,12 @@ def _carried(points: Array, places: Array, pickers: Pickers, i: int) -> Motion:
     return Motion(goal, closed, xp.full_like(height, PUTTING))
 
 
-def _fetched(points: Array, target: Array, exists: Array, pickers: Pickers, i: int) -> Motion:
+def _fetched(points: Array, target: Array, exists: Array, pickers: Hands, i: int) -> Motion:
     """Returns the motion of free picker `i` to a point: over it, down, close; or out of the way."""
     xp = namespace(points)
     center, height = pickers.centers[..., i, :], pickers.centers[..., i, 2]
     other, other_holds = pickers.centers[..., 1 - i, :], pickers.holds[..., 1 - i]
-    point = taken(points, target[..., None])[..., 0, :]
+    point = point_at(points, target)
     grasp = _grasp(point)
     between = center - other
     gap = lengths(between[..., :2])

@@ -1,0 +1,46 @@
+"""`Hands`: state of two pickers, for reactive experts."""
+
+import math
+from typing import NamedTuple
+
+from softgym_mj.metrics import Array, lengths, namespace, taken
+
+
+class Hands(NamedTuple):
+    """Two pickers.
+
+    Attributes:
+        centers: (..., 2, 3) [m].
+        holds: whether each holds a point (..., 2).
+        lost: whether each must open before it can take a point (..., 2).
+        held: index of the point that it holds, or of the nearest one (..., 2).
+        places: of held points (..., 2, 3) [m].
+    """
+
+    centers: Array
+    holds: Array
+    lost: Array
+    held: Array
+    places: Array
+
+
+def found_hands(numbers: Array, points: Array, lowest: float = -math.inf) -> Hands:
+    """Returns the pickers at the end of an observation "markov".
+
+    Args:
+        numbers: centers and grips (..., 14).
+        points: points that they can hold (..., n, 3) [m].
+        lowest: smallest height of a held point [m].
+    """
+    xp, lead = namespace(numbers), numbers.shape[:-1]
+    centers = numbers[..., :6].reshape((*lead, 2, 3))
+    grips = numbers[..., 6:].reshape((*lead, 2, 4))
+    places = centers + grips[..., 1:]
+    places = xp.concat([places[..., :2], xp.clip(places[..., 2:], lowest, None)], axis=-1)
+    held = xp.argmin(lengths(points[..., None, :, :] - places[..., :, None, :]), axis=-1)
+    return Hands(centers, grips[..., 0] > 0.5, grips[..., 0] < -0.5, held, places)
+
+
+def point_at(points: Array, index: Array) -> Array:
+    """Returns a point (..., 3) out of points (..., n, 3) by its index (...)."""
+    return taken(points, index[..., None])[..., 0, :]
