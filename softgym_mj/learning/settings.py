@@ -7,6 +7,7 @@ from typing import Any
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.policies.exported import has_images
 from softgym_mj.registry import find
+from softgym_mj.tasks.shared.observations import names_of
 from softgym_mj.validation import typed
 from softgym_mj.variations.indices import SPLITS
 
@@ -93,7 +94,7 @@ class TrainingSettings:
     @property
     def observations(self) -> tuple[str, ...]:
         """Names of the policy's observations."""
-        return (self.observation,) if isinstance(self.observation, str) else self.observation
+        return names_of(self.observation)
 
     @property
     def observed(self) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError, StoreError, import_extra
 from softgym_mj.robots.gripper import HELD
 from softgym_mj.storage.files import read_whole
-from softgym_mj.tasks.shared.observations import STATES
+from softgym_mj.tasks.shared.observations import STATES, names_of
 
 Policy = Callable[[dm_env.TimeStep], np.ndarray]
 
@@ -79,8 +79,7 @@ def observes(file: str) -> dict[str, Any]:
 
 def has_images(observation: str | Sequence[str]) -> bool:
     """Returns whether one of these observations is an image."""
-    names = {observation} if isinstance(observation, str) else {*observation}
-    return not names <= {*STATES, HELD}
+    return not {*names_of(observation)} <= {*STATES, HELD}
 
 
 def _note(name: str) -> dict[str, Any]:
@@ -191,7 +190,7 @@ class _Inputs:
     def __call__(self, timestep: dm_env.TimeStep) -> dict[str, np.ndarray]:
         """Returns arrays (1, ...) by name, as Gymnasium has them: images uint8, others float32."""
         seen, named = timestep.observation, self._named
-        own = {*seen} if named is None else {named} if isinstance(named, str) else {*named}
+        own = {*(seen if named is None else names_of(named))}
         if not own <= seen.keys():
             raise InvalidArgumentError(
                 f"policy={self._file!r} was trained with observation={named!r}; the environment "

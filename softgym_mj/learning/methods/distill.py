@@ -23,6 +23,7 @@ from softgym_mj.learning.networks import StoredInHalf, drawn, generators
 from softgym_mj.learning.point_encoder import POINTS, layout_of
 from softgym_mj.policies.saved import imported
 from softgym_mj.storage.files import read_whole
+from softgym_mj.tasks.shared.observations import names_of
 from softgym_mj.validation import typed
 
 LABEL = "label"  # Beside observations: the teacher's action.
@@ -61,7 +62,7 @@ class Distill:
             teacher: Maps privileged observations (seeds, n, k) to actions (seeds, n, action).
         """
         self._settings, self._problem, self._teacher = settings, problem, teacher
-        own = {problem.observed} if isinstance(problem.observed, str) else {*problem.observed}
+        own = names_of(problem.observed)
         shapes = {name: shape for name, shape in problem.shapes.items() if name in own}
         at = problem.device
         layout = None

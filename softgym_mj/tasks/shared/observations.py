@@ -62,22 +62,24 @@ def full_mask(task: Any, state: State, episode: Episode) -> Array:
 
 def reduced(task: Any, state: State, episode: Episode) -> Array:
     """Returns the numbers of `Task.reduced`, then the actor's proprioception: (..., n)."""
-    lead = state.sensed.shape[:-1]
-    entries = values("reduced", task.reduced(state, episode))
-    return _joined([*entries, *_sensed(task, state)], lead)
+    return _listed("reduced", task, state, episode)
 
 
 def key_points(task: Any, state: State, episode: Episode) -> Array:
     """Returns the numbers of `Task.key_points`, then the actor's proprioception: (..., n)."""
-    lead = state.sensed.shape[:-1]
-    entries = values("key_points", task.key_points(state, episode))
-    return _joined([*entries, *_sensed(task, state)], lead)
+    return _listed("key_points", task, state, episode)
 
 
 def markov(task: Any, state: State, episode: Episode) -> Array:
     """Returns `reduced`, then what else determines the actor's next steps: (..., n)."""
     seen = reduced(task, state, episode)
     return namespace(seen).concat([seen, state.remembered], axis=-1)
+
+
+def _listed(method: str, task: Any, state: State, episode: Episode) -> Array:
+    """Returns the numbers that a method of the task lists, then proprioception: (..., n)."""
+    entries = values(method, getattr(task, method)(state, episode))
+    return _joined([*entries, *_sensed(task, state)], state.sensed.shape[:-1])
 
 
 def _sensed(task: Any, state: State) -> list[Array]:
@@ -144,6 +146,11 @@ _SHOW_GOAL = {"full", "reduced", "markov", "key_points", GOAL_RGB}
 DEFAULT_IMAGE_SIZE = (128, 128)  # (height, width), as in the paper's experiments.
 
 
+def names_of(observation: str | Sequence[str]) -> tuple[str, ...]:
+    """Returns the names of one or several observations."""
+    return (observation,) if isinstance(observation, str) else tuple(observation)
+
+
 def enabled_names(observation: str | Sequence[str], available: Iterable[str]) -> tuple[str, ...]:
     """Returns the observation names that a setting selects.
 
@@ -155,10 +162,9 @@ def enabled_names(observation: str | Sequence[str], available: Iterable[str]) ->
         InvalidArgumentError: for an unknown name, none or a duplicate.
     """
     available = tuple(available)
-    names = (observation,) if isinstance(observation, str) else observation
-    if not isinstance(names, Sequence):
+    if not isinstance(observation, Sequence):
         raise InvalidArgumentError("observation", observation, available)
-    names = tuple(names)
+    names = names_of(observation)
     for name in sorted(_NEEDS.keys() & {*names} - {*available}):
         raise InvalidArgumentError(f"observation={observation!r}: {name!r} needs {_NEEDS[name]}")
     if not names or len(set(names)) != len(names) or not set(names) <= set(available):
