@@ -22,7 +22,6 @@ from softgym_mj.policies.exported import has_images
 # Module and class of the settings, by name.
 METHODS = {
     "sac": ("sac", "StateSACSettings"),
-    "rlpd": ("rlpd", "RLPDSettings"),
     "tqc": ("tqc", "TQCSettings"),
     "planet": ("planet.learner", "PlaNetSettings"),
     "wu": ("wu.learner", "WuSettings"),

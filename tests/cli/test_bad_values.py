@@ -73,7 +73,7 @@ def test_texts_of_users_are_no_markup(capsys, monkeypatch, tmp_path):
     assert status == 0 and "a[/b]" in "".join(printed.split())
 
 
-@pytest.mark.parametrize(("method", "preset"), [("sac", "night"), ("rlpd", "fast")])
+@pytest.mark.parametrize(("method", "preset"), [("sac", "night"), ("tqc", "fast")])
 def test_without_a_gpu_train_prints_the_command_for_a_cpu(
     method, preset, capsys, monkeypatch, tmp_path
 ):

@@ -23,14 +23,9 @@ IMAGES = {**OFF_POLICY, "channels": 4, "features": 6}
 # Settings of the training and of the method.
 CASES = {
     "sac": (
-        ROPE,
-        {**OFF_POLICY, "n_step": 2, "symmetric": True},
-    ),
-    "rlpd": (
         dataclasses.replace(ROPE, part=12, evaluate_every=2),
-        {**OFF_POLICY, "demonstrations": 2, "jobs": 1, "updates": 4, "actor_every": 2, "n_step": 2,
-         "symmetric": True, "critics": 3, "discount": 0.9, "final_discount": 0.99,
-         "discount_schedule": (4, 20)},
+        {**OFF_POLICY, "actor_every": 2, "n_step": 2, "symmetric": True, "discount": 0.9,
+         "final_discount": 0.99, "discount_schedule": (4, 20)},
     ),
     "tqc": (ROPE, {**OFF_POLICY, "critics": 2, "quantiles": 3, "dropped": 1, "symmetric": True}),
     "curl": (PIXELS, {**IMAGES, "crop": 30}),
@@ -178,10 +173,6 @@ def test_seeds_together_learn_what_each_learns_alone(train, whole, no_policies):
 BAD_SETTINGS = {
     "sac": [
         ("tau", 0.0), ("discount", 1.5), ("actor_every", 0), ("target_entropy", 0.7),
-    ],
-    "rlpd": [
-        ("critics", 0), ("least_of", 11), ("demonstrations", 0), ("demonstrations", 801),
-        ("jobs", 0), ("tau", 0.0),
     ],
     "tqc": [("critics", 0), ("quantiles", 0), ("dropped", 25)],
     "curl": [("crop", 14), ("encoder_rate", 0.0), ("encoder_tau", 1.5)],

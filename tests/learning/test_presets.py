@@ -24,7 +24,7 @@ def train(monkeypatch, *arguments):
 
 
 # Updates per env step by the papers and their authors' code.
-PAPERS = {"curl": 1.0, "drq": 1.0, "planet": 100 / 900, "wu": 2 / 16, "rlpd": 20.0}
+PAPERS = {"curl": 1.0, "drq": 1.0, "planet": 100 / 900, "wu": 2 / 16}
 DEFAULTS = "planet", "wu"  # Methods whose defaults are the paper's settings.
 LIMITED = {"wu": ("spread_cloth", "fold_cloth")}
 
