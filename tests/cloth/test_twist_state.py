@@ -1,27 +1,14 @@
-"""Twist of ropes: frames, errors, state, and the batch, whose oracle is the plugin."""
-
-import math
+"""Twist of ropes: errors, state, and the batch, whose oracle is the plugin."""
 
 import mujoco
 import numpy as np
 import pytest
 
 from softgym_mj.batch.device import CpuDevice
-from softgym_mj.cloth import frames
 from softgym_mj.cloth.batch_solver import ClothBatchSolver, describe
 from softgym_mj.exceptions import InvalidArgumentError
 from tests.cloth.flex_scene import TIMESTEP, FlexScene, rope, straight
 from tests.cloth.twisted import BEND, TWIST, angle_of, wavy
-from tests.oracles.rods import reference_twist, unit
-
-
-def test_directors_follow_explicit_frames():
-    points = wavy()
-    first = unit(np.cross(points[1] - points[0], [0.0, 0.3, 1.0]))
-    found = frames.transported(points, first, 7.0)
-    assert np.abs(np.sum(found * unit(np.diff(points, axis=0)), axis=1)).max() < 1e-12
-    angle = reference_twist(points, found[0], found[-1])
-    assert math.remainder(angle - 7.0, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_branches_and_sheets_do_not_twist():

@@ -73,11 +73,6 @@ class ArmAction(abc.ABC):
     def commanded(self) -> np.ndarray:
         """Commanded tool points (n, 3) [m], a fresh array."""
 
-    @property
-    @abc.abstractmethod
-    def filtered_points(self) -> np.ndarray:
-        """Tool points (n, 3) [m] of the filter, a fresh array."""
-
     @abc.abstractmethod
     def remembered(self) -> np.ndarray:
         """Returns the commanded state as numbers (k,)."""

@@ -237,12 +237,5 @@ class Arms(ArmActor, Gripper):
     def remembers(self) -> dict[str, int]:
         return super().remembers | self._filtered_command.remembers
 
-    def reference_positions(self) -> np.ndarray:
-        """Returns tool points (num_grippers, 3) [m] of the joints' reference.
-
-        They follow the commanded ones: see `CommandFilter`.
-        """
-        return self._filtered_command.filtered_points
-
     def diagnostics(self) -> dict[str, float | int]:
         return {**super().diagnostics(), "at_reach": self.at_reach}

@@ -76,10 +76,6 @@ class JointAction(ArmAction):
     def commanded(self) -> np.ndarray:
         return self._servos.points_at(self.angles)
 
-    @property
-    def filtered_points(self) -> np.ndarray:
-        return self._servos.points_at(self._unscaled(self._filter.points))
-
     def remembered(self) -> np.ndarray:
         return self.angles
 

@@ -41,10 +41,6 @@ class PositionAction(ArmAction):
     def commanded(self) -> np.ndarray:
         return self._filter.commanded.copy()
 
-    @property
-    def filtered_points(self) -> np.ndarray:
-        return self._filter.points.copy()
-
     def remembered(self) -> np.ndarray:
         return self._filter.commanded.ravel()
 
