@@ -129,8 +129,7 @@ def train(
         chosen["observation"] = names if len(names) > 1 else observation
     if teacher is not None:
         chosen |= _teacher(teacher, trust)
-    if arguments := parsed_settings(task_settings):
-        chosen["arguments"] = arguments
+    chosen |= _of_task(parsed_settings(task_settings))
     training, result = find_preset(method, preset, find(task).name, **chosen)
     if show_settings:
         everything = {**dataclasses.asdict(training), **dataclasses.asdict(result.settings)}
@@ -138,6 +137,7 @@ def train(
         typer.echo(json.dumps(everything, indent=2))
         return
     check_settings(training, result)
+    _note_symmetries(training.actor, result.settings)
     if "cuda" in (device, learner_device):
         _check_gpu(method, task, preset if _CPU_PRESET not in preset_names(method) else _CPU_PRESET)
     try:
@@ -162,6 +162,20 @@ def train(
         raise KeyboardInterrupt(message) from None
     _print_scores(rows, training.env_steps)
     console.print(f"wrote {out / 'curve.csv'}")
+
+
+def _of_task(arguments: dict[str, Any]) -> dict[str, Any]:
+    """Returns settings of a training for arguments of its task; the actor is one of its own."""
+    settings = {"actor": arguments.pop("actor")} if "actor" in arguments else {}
+    return settings | ({"arguments": arguments} if arguments else {})
+
+
+def _note_symmetries(actor: str | None, settings: Any) -> None:
+    """Prints whether a method that can use symmetries trains without, because of its actor."""
+    if actor is not None and getattr(settings, "symmetric", None) is False:
+        from softgym_mj.learning import reports
+
+        reports.line(f"the actor {actor} has no symmetries: replay is plain")
 
 
 def _checked_minutes(minutes: float, in_one_process: bool) -> float:

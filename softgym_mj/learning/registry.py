@@ -34,7 +34,9 @@ PRESETS = pathlib.Path(__file__).parent / "methods" / "presets"  # Folder with a
 _ROOM = "softgym_mj.learning.methods"
 LARGEST_LAYER, LARGEST_BATCH = 16_384, 1_000_000
 # Settings that do not make a preset "custom": curves name them.
-LABELED = {"observation", "symmetric", "teacher", "privileged"}
+LABELED = {"actor", "observation", "symmetric", "teacher", "privileged"}
+# Settings for symmetries, which only the default actors have.
+_SYMMETRIC = {"symmetric", "symmetrize_policy"}
 
 
 def find_method(name: str, /, **settings: Any) -> Method:
@@ -116,6 +118,7 @@ def find_preset(
         task: Task name.
         **replaced: Settings of the training or the method that replace the preset's. Without
             `part`, `env_steps` shorten it to their largest divisor, if that is not much shorter.
+            An `actor` turns off symmetries, which only the default one has, unless set as well.
 
     Raises:
         InvalidArgumentError: for an unknown name or a bad value.
@@ -142,9 +145,13 @@ def find_preset(
         own[key] = value
     if "part" not in replaced:
         _fit_part(result["training"])
+    training = TrainingSettings(task, **result["training"])
+    if training.actor is not None:
+        without = _SYMMETRIC & defaults["method"].keys() - replaced.keys()
+        result["method"] |= dict.fromkeys(without, False)
     method = find_method(name, **{key: _tuples(value) for key, value in result["method"].items()})
     label = preset if LABELED.issuperset(changed) else "custom"
-    return TrainingSettings(task, **result["training"]), dataclasses.replace(method, preset=label)
+    return training, dataclasses.replace(method, preset=label)
 
 
 def _defaults(settings: type, *without: str) -> dict[str, Any]:

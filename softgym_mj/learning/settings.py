@@ -15,7 +15,7 @@ OBSERVATIONS = ("reduced", "markov", "key_points", "full", "rgb")
 # Arguments of a task that trainings set, by the setting that sets them.
 _OWN = {
     "observation": "observation", "image_size": "image_size", "horizon": "episode_steps",
-    "split": "none: they learn from the training split",
+    "actor": "actor",     "split": "none: they learn from the training split",
 }  # fmt: skip
 
 
@@ -40,7 +40,7 @@ class TrainingSettings:
         episode_steps: Env steps of an episode; None for the task's.
         learned_steps: Env steps after which training episodes are truncated; None for none.
             Evaluations always run the full horizon.
-        actor: Actor of the task.
+        actor: Actor of the task; None for the default, also if its name is passed.
         arguments: Further keyword arguments of the task, also for evaluations.
 
     Raises:
@@ -70,6 +70,8 @@ class TrainingSettings:
                 valid = f"other arguments of the task; trainings set this one by {own}"
                 raise InvalidArgumentError("task settings", name, valid)
         find(self.task).check_arguments(self.arguments)
+        if self.actor == find(self.task).resolve().actors[0]:
+            object.__setattr__(self, "actor", None)
         if isinstance(self.observation, str):
             check_name("observation", self.observation, OBSERVATIONS)
         elif len({*self.observation}) < max(len(self.observation), 2):

@@ -124,7 +124,8 @@ def make(settings: TeacherStudentSettings, problem: Problem) -> TeacherStudent:
     if share % problem.num_envs or share >= problem.env_steps:
         valid = f"a multiple of {problem.num_envs} below {problem.env_steps}"
         raise InvalidArgumentError("teacher_env_steps", share, valid)
-    _, method = find_preset("sac", "fast", problem.task, **settings.teacher_settings)
+    own_settings = {"actor": problem.task_settings.get("actor"), **settings.teacher_settings}
+    _, method = find_preset("sac", "fast", problem.task, **own_settings)
     check_random_steps(method.settings, share, problem.num_envs)
     if settings.privileged not in problem.shapes:
         raise InvalidArgumentError("privileged", settings.privileged, tuple(problem.shapes))
