@@ -92,7 +92,7 @@ def policy_file(name: str) -> str:
     file = pathlib.Path(PUBLISHED.format(name))
     if file.is_file():
         return str(file)
-    if re.fullmatch(rf"({'|'.join(TASKS)})-\w+", name) and not file.parent.is_dir():
+    if re.fullmatch(rf"({'|'.join(TASKS)})(-\w+)+", name) and not file.parent.is_dir():
         valid = f"FILE.pt2, or this name in the folder of a clone, which has {file.parent}; {FILES}"
         raise InvalidArgumentError("policy", name, valid)
     return name

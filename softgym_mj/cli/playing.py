@@ -151,15 +151,16 @@ def rollout(
     policy = policy_file(policy)
     if video is not None:
         make_folder(video)
-    settings = {**for_people(record, actor, grasp, look), **observes(policy)}
+    settings = {**observes(policy), **for_people(record, actor, grasp, look)}
     env = softgym_mj.load(record, split=played, **settings)
-    own_grasp = (*env.task.actor.name.split("/"), None)[1]  # Arms are named as in "franka/attach".
+    # Arms are named as in "franka/attach".
+    own_actor, own_grasp = (*env.task.actor.name.split("/"), None)[:2]
     camera = None if video is None else "task"  # Images take most of the time.
     for index in played:
         episode = play(env, policy, index, seed=seed, trust=trust, camera=camera, size=VIDEO_SIZE)
         if video is not None:
             _write(episode, video / f"{record.name}_{index:04d}.mp4")
-        line = {"task": record.name, "actor": actor or env.task.actors[0], "grasp": own_grasp,
+        line = {"task": record.name, "actor": own_actor, "grasp": own_grasp,
                 "policy": policy, "variation": index, "normalized_performance": _score(episode),
                 "success": bool(episode.info["success"][-1])}  # fmt: skip
         typer.echo(json.dumps(line))

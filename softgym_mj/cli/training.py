@@ -213,7 +213,7 @@ def _check_gpu(method: str, task: str, preset: str) -> None:
 
 
 def _teacher(name: str, trust: bool) -> dict[str, Any]:
-    """Returns settings of distill for a teacher."""
+    """Returns settings of distill for a teacher, and the actor that a file was trained with."""
     from softgym_mj.policies.exported import SUFFIX, has_images, observes
     from softgym_mj.policies.saved import imported
 
@@ -227,7 +227,9 @@ def _teacher(name: str, trust: bool) -> dict[str, Any]:
             f"teacher={file!r} is not loaded: loading can run any code on this machine; add "
             "--trust if you trust its author"
         )
-    observed = observes(file).get("observation", "markov")
+    note = observes(file)
+    observed = note.get("observation", "markov")
     if not isinstance(observed, str) or has_images([observed]):
         raise InvalidArgumentError("teacher", name, f"a state policy; this one observes {observed}")
-    return {"teacher": file, "privileged": observed}
+    acting = {"actor": note["actor"]} if "actor" in note else {}
+    return {"teacher": file, "privileged": observed, **acting}

@@ -212,6 +212,8 @@ class Training(TrainingSetup):
         """Writes the policy of each seed to a file, for `softgym-mj evaluate --policy`."""
         space, names = self._envs.single_observation_space, self.settings.observations
         several: dict[str, Any] = getattr(space, "spaces", {names[0]: space})
+        acting = {} if self.settings.actor is None else {"actor": self.settings.actor}
+        observed = {**self.settings.observed, **acting}
         for k, seed in enumerate(self.seeds):
             try:
                 module = self.learner.policy(k)
@@ -219,7 +221,7 @@ class Training(TrainingSetup):
                 return
             frames = getattr(module, "frames", 1)
             seen = {name: several[name] for name in names}
-            saved = export_policy(module, seen, self.settings.observed, frames, self.settings.task)
+            saved = export_policy(module, seen, observed, frames, self.settings.task)
             write_whole(self.folder / POLICY.format(seed=seed), saved)
 
     def _restore(self) -> None:

@@ -1,7 +1,7 @@
 """Policies as files of `torch.export.save`, with the observations that they need.
 
-The extra file `NOTE` in such a file has the task, its arguments of the policy's observation and the
-number of stacked frames.
+The extra file `NOTE` in such a file has the task, its arguments of the policy's observation, its
+actor and the number of stacked frames.
 """
 
 import io
@@ -43,7 +43,8 @@ def export_policy(
             observations, it maps a dict of them by name; its images are (1, frames, ...), the
             oldest first.
         spaces: Spaces of the observations by name.
-        observed: Arguments of the task: `observation`, and `image_size` with images.
+        observed: Arguments of the task: `observation`, `image_size` with images, and `actor` unless
+            it is the default.
         frames: Number of stacked frames.
         task: Name of the task, for messages.
     """
@@ -68,8 +69,8 @@ def export_policy(
 def observes(file: str) -> dict[str, Any]:
     """Returns the task arguments that give a saved policy its observation; empty if unknown.
 
-    They are `observation`, and `image_size` with images, from the policy's file, as `softgym-mj
-    train` writes it. No code is run.
+    They are `observation`, `image_size` with images, and `actor` unless it is the default, from the
+    policy's file, as `softgym-mj train` writes it. No code is run.
 
     Raises:
         InvalidArgumentError: for a note that is not JSON of this form.
@@ -94,11 +95,12 @@ def _note(name: str) -> dict[str, Any]:
             result = json.loads(archive.read(notes[0]))
         observation, frames = result["observation"], int(result.get("frames", 1))
         seen = observation if isinstance(observation, str) else [*map(str, observation)]
+        own = {"actor": str(result["actor"])} if "actor" in result else {}
         sized = {"image_size": [*result["image_size"]]} if has_images(seen) else {}
     except (ValueError, LookupError, TypeError, AttributeError, zipfile.BadZipFile) as error:
         message = f"policy={name!r}: its observation cannot be read: {error!r}"
         raise InvalidArgumentError(message) from error
-    return {"observation": seen, **sized, "frames": frames, "task": result.get("task")}
+    return {"observation": seen, **sized, **own, "frames": frames, "task": result.get("task")}
 
 
 def read_policy(file: str) -> bytes:

@@ -25,6 +25,8 @@ SHORT = {"straighten_rope-sac", "straighten_rope-teacher_student"}
 def test_a_policy_is_that_of_its_card(name):
     own = CARDS[name]["policy"]
     assert hashlib.sha256((FOLDER / own["file"]).read_bytes()).hexdigest() == own["sha256"]
+    actor = observes(str(FOLDER / own["file"])).get("actor")
+    assert actor == CARDS[name]["training"].get("actor")
 
 
 @pytest.mark.parametrize(
