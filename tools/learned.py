@@ -10,6 +10,7 @@ import numpy as np
 
 from softgym_mj.evaluation.comparison import read_results
 from softgym_mj.evaluation.plots import new_figure
+from softgym_mj.learning.curves import DEFAULT_ACTOR
 from softgym_mj.learning.results import Name, Reference, Row, read_references, read_rows
 from softgym_mj.learning.tables import table as numbers_of
 from softgym_mj.policies.exported import has_images
@@ -68,7 +69,9 @@ def results() -> str:
             (f"{line['env_steps']:,}", f"{line['updates']:,}"),
         )
         cells = (f"{above or '-'}<br>{below or '-'}" for above, below in pairs)
-        lines.append(_row(f"`{line['task']}`", *cells, _optional(line["minutes"], ".0f")))
+        lines.append(
+            _row(label(line["task"], line["actor"]), *cells, _optional(line["minutes"], ".0f"))
+        )
     titles = (
         "| task | method<br>observation | preset<br>replay | median (quartiles)<br>IQM (95 %) "
         "| success<br>least | train - held out<br>others | seeds<br>episodes "
@@ -117,27 +120,33 @@ def overview() -> str:
 
 
 def matrix() -> str:
-    """A table of the best published score of each task by kind of policy.
+    """A table of the best published score of each task and actor by kind of policy.
 
     It is empty until a learner has final rows. Planners are listed with the paper's budget only.
     """
     lines = [line for line in numbers_of(rows()) if line["preset"] not in ("small", "custom")]
     if all(line["method"] in PLANNERS for line in lines):
         return ""
-    cells: dict[str, dict[str, str]] = {}
+    cells: dict[tuple[str, str], dict[str, str]] = {}
     for line in sorted(lines, key=lambda line: line["median"]):  # The best one overwrites others.
-        cells.setdefault(line["task"], {})[_kind(line)] = _cell(line)
-    nothing = idle()
+        cells.setdefault((line["task"], line["actor"]), {})[_kind(line)] = _cell(line)
+    nothing = {(task, DEFAULT_ACTOR): score for task, score in idle().items()}
     found = [
         _row(
-            f"`{task}`",
-            _optional(nothing.get(task), "z.2f"),
-            *(cells[task].get(kind, "") for kind in _KINDS),
+            label(*key),
+            _optional(nothing.get(key), "z.2f"),
+            *(cells[key].get(kind, "") for kind in _KINDS),
         )
         for task in TASKS
-        if task in cells
+        for key in sorted(cells, key=lambda key: (key[1] != DEFAULT_ACTOR, key))
+        if key[0] == task
     ]
     return table(f"| task | no action | {' | '.join(_KINDS)} |", found)
+
+
+def label(task: str, actor: str) -> str:
+    """Returns the names of a task and of its actor unless it is the default."""
+    return f"`{task}`" if actor == DEFAULT_ACTOR else f"`{task}`, `{actor}`"
 
 
 def idle() -> dict[str, float]:
@@ -173,7 +182,7 @@ def _cell(line: Mapping[str, Any]) -> str:
 
 def _mark(line: Mapping[str, Any]) -> str:
     key = tuple(line[name] for name in ("task", "method", "preset", "observation"))
-    return " \u2020" if key in STALE else ""
+    return " \u2020" if key in STALE and line["actor"] == DEFAULT_ACTOR else ""
 
 
 def _row(*cells: str) -> str:
@@ -243,17 +252,17 @@ def _panel(
     for name, points in shown.items():
         steps, median, low, high = points.T
         same = [other for other in shown if _color_key(other) == _color_key(name)]
-        label = ", ".join(name[1:] if len(same) > 1 else name[1:3])
+        shown_name = name[1:] if len(same) > 1 else name[1:4]
+        title = ", ".join(shown_name[name.actor == DEFAULT_ACTOR :])
         style = _STYLES[same.index(name) % len(_STYLES)]
         color = _COLORS[keys.index(_color_key(name)) % len(_COLORS)]
-        axes.plot(steps / 1000, median, style, color=color, label=label)
+        axes.plot(steps / 1000, median, style, color=color, label=title)
         axes.fill_between(steps / 1000, low, high, color=color, alpha=0.2, linewidth=0)
-    comparable = {name[:3] for name in shown}
-    compared = (r for r in known if (r.task, r.method, r.observation) in comparable)
+    compared = (r for r in known if any(r.compares(name) for name in shown))
     numbers = [r for r in compared if r.bound == "is"]
     for r, style in zip(numbers, itertools.cycle(_DASHES), strict=False):
-        label = f"others, {r.method} {r.observation}: {r.value:g}"
-        axes.axhline(r.value, color="0.4", linewidth=0.8, linestyle=style, label=label)
+        title = f"others, {r.method} {r.observation}: {r.value:g}"
+        axes.axhline(r.value, color="0.4", linewidth=0.8, linestyle=style, label=title)
     axes.set_title(task, fontsize="medium")
     axes.set_ylim(min(max(axes.get_ylim()[0], _LOWEST), 0.0), 1.05)
     axes.set_xlabel("env steps [1000]", fontsize="small")

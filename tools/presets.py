@@ -4,6 +4,7 @@ import tomllib
 
 from softgym_mj.learning import registry
 from softgym_mj.learning.results import Row
+from softgym_mj.robots.arm.models import ARMS
 from tools import learned
 from tools.pages import table
 
@@ -12,7 +13,7 @@ DEVICES = {"night": "`cpu`"}  # Device that a preset is made for; otherwise `cud
 
 def presets() -> str:
     """Returns the table; durations are those of published rows."""
-    measured = [row for row in learned.rows() if row.final and row.seconds is not None]
+    measured = [row for row in learned.rows() if row.final and row.actor not in ARMS]
     lines = []
     for method in registry.METHODS:
         file = registry.PRESETS / f"{method}.toml"

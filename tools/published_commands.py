@@ -16,12 +16,12 @@ def commands() -> str:
         own = [row for row in rows if row.name == name]
         run = next((run for run in queue if _is_of(run, name) and run.is_done(own)), None)
         if run is not None:
-            found.append(f"| `{name.task}` | `{run.command}` |")
+            found.append(f"| {learned.label(name.task, name.actor)} | `{run.command}` |")
     return table("| task | command |", found)
 
 
 def _is_of(run: QueuedRun, name: Name) -> bool:
-    """Returns whether a run has the row's task, method, observation and replay."""
-    return (run.task, run.method, run.observation, run.replay) == (
-        name.task, name.method, name.observation, name.replay
+    """Returns whether a run has the row's task, actor, method, observation and replay."""
+    return (run.task, run.actor, run.method, run.observation, run.replay) == (
+        name.task, name.actor, name.method, name.observation, name.replay
     )  # fmt: skip

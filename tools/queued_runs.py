@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_count, check_name
+from softgym_mj.learning.curves import DEFAULT_ACTOR
 from softgym_mj.learning.registry import METHODS, find_preset
 from softgym_mj.learning.results import Row
 from softgym_mj.policies.planners import PLANNERS
@@ -25,7 +26,7 @@ class QueuedRun:
     """Entry of queue.toml.
 
     Attributes:
-        task, method, observation, preset, replay: Fields of `learning.results.Name`.
+        task, actor, method, observation, preset, replay: Fields of `learning.results.Name`.
         seeds: Number of seeds, 0..seeds - 1.
         why: Purpose of the run.
         settings: Values of --settings; options of `evaluate` for a planner.
@@ -41,6 +42,7 @@ class QueuedRun:
     preset: str
     seeds: int
     why: str
+    actor: str = DEFAULT_ACTOR
     observation: str = "reduced"
     replay: str = "plain"
     settings: Mapping[str, Any] = dataclasses.field(default_factory=dict)
@@ -75,6 +77,11 @@ class QueuedRun:
         return f"{hours:g} core h" if minutes is None else f"{minutes:g} GPU min"
 
     @property
+    def _actor(self) -> list[str]:
+        """Name of the actor unless it is the default."""
+        return [self.actor] if self.actor != DEFAULT_ACTOR else []
+
+    @property
     def folder(self) -> str:
         """Output folder of `command`."""
         return shlex.split(self.command)[-1]
@@ -82,10 +89,11 @@ class QueuedRun:
     @property
     def command(self) -> str:
         """Command line of the run."""
-        parts = [self.task, self.method, self.observation, self.preset, self.replay]
+        parts = [self.task, *self._actor, self.method, self.observation, self.preset, self.replay]
         where = ["--device", self.device, "--out", f"training/{'-'.join(parts)}"]
         if self.plans:
             own = ["evaluate", self.task, "--policy", self.method, "--episodes", self.episodes]
+            own += [word for actor in self._actor for word in ("--actor", actor)]
             for name, value in self.settings.items():
                 own += [f"--{name.replace('_', '-')}", value]
                 where[-1] += f"-{name}-{value}"
@@ -93,6 +101,8 @@ class QueuedRun:
             own = ["train", self.method, self.task, "--preset", self.preset, "--seeds", self.seeds]
             if self.teacher:
                 own += ["--teacher", self.teacher, "--trust"]
+            for actor in self._actor:
+                own += ["--task-settings", json.dumps({"actor": actor})]
             if self.settings:
                 own += ["--settings", json.dumps(dict(self.settings))]
                 where[-1] += f"-{'-'.join(self.settings)}"
@@ -110,7 +120,7 @@ class QueuedRun:
             training, method = find_preset(self.method, preset, self.task, **self.settings)
             preset = method.preset
             env_steps = training.env_steps if preset == "custom" else env_steps
-        name = self.task, self.method, self.observation, preset, self.replay
+        name = self.task, self.actor, self.method, self.observation, preset, self.replay
         result = {
             row.seed
             for row in rows

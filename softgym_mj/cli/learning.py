@@ -66,7 +66,7 @@ def print_table(
             f"{form[low]}..{form[high]}" if form[low] else "" for low, high in _RANGES
         )
         shown.add_row(
-            f"{line['task']}\n{line['method']} {line['observation']}\n"
+            f"{line['task']} {line['actor']}\n{line['method']} {line['observation']}\n"
             f"{line['preset']} {line['replay']}",
             f"{line['median']:.3f}\n{quartiles}",
             f"{line['iqm']:.3f}\n{interval}",

@@ -10,9 +10,10 @@ from softgym_mj.storage.files import write_csv
 from softgym_mj.variations.indices import SPLITS
 
 COLUMNS = (
-    "task", "method", "observation", "preset", "replay", "seed", "env_steps", "updates", "seconds",
-    "split", "episodes", "normalized_performance", "success", "final",
+    "task", "actor", "method", "observation", "preset", "replay", "seed", "env_steps", "updates",
+    "seconds", "split", "episodes", "normalized_performance", "success", "final",
 )  # fmt: skip
+DEFAULT_ACTOR = "default"  # Name in curves of the first of a task's `actors`.
 FILE = "curve.csv"  # File in the folder of a training.
 CARD = "card.json"
 EPISODES = "episodes.csv"  # File of the last evaluation's held-out episodes.

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
-from softgym_mj.learning.curves import CARD, EPISODES, FILE, named
+from softgym_mj.learning.curves import CARD, DEFAULT_ACTOR, EPISODES, FILE, named
 from softgym_mj.learning.registry import METHODS, find_preset
 from softgym_mj.learning.results import Row, read_folder
 from softgym_mj.storage.files import naming, read_json, read_whole
@@ -67,14 +67,15 @@ def _of_training(
     training = card.get("training")
     training = training if isinstance(training, Mapping) else {}
     own = {
-        "task": training.get("task"), "method": card.get("method"), "preset": card.get("preset"),
+        "task": training.get("task"), "actor": training.get("actor") or DEFAULT_ACTOR,
+        "method": card.get("method"), "preset": card.get("preset"),
         "observation": named(training.get("observation")),
     }  # fmt: skip
     for name, value in own.items():
         result = sorted({getattr(row, name) for row in rows})
         if result != [value]:
             yield f"{name} is {', '.join(result)} in {FILE} and {value!r} in {CARD}"
-    yield from _bad_task(training, card.get("preset"))
+    yield from _bad_task(training)
     seeds, points = sorted({row.seed for row in rows}), card.get("evaluations")
     if seeds != card.get("seeds"):
         yield f"seeds are {seeds} in {FILE} and {card.get('seeds')} in {CARD}"
@@ -88,11 +89,9 @@ def _of_training(
     yield from _bad_episodes(rows, seeds, folder / EPISODES)
 
 
-def _bad_task(training: Mapping[str, Any], preset: object) -> Iterator[str]:
+def _bad_task(training: Mapping[str, Any]) -> Iterator[str]:
     """Yields the settings by which the task differs from the table's."""
     usual: dict[str, Any] = {"fidelity": "default", "episode_steps": None, "arguments": {}}
-    if preset == "custom":  # Presets may set an actor.
-        usual["actor"] = None
     for name, value in usual.items():
         if (result := training.get(name, value)) != value:
             yield f"the task is not the table's: {name} is {result!r}"

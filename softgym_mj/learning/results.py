@@ -14,9 +14,10 @@ import numpy as np
 from softgym_mj.evaluation.comparison import read_results
 from softgym_mj.evaluation.configuration import Planning
 from softgym_mj.exceptions import StoreError
-from softgym_mj.learning.curves import COLUMNS, FILE
+from softgym_mj.learning.curves import COLUMNS, DEFAULT_ACTOR, FILE
 from softgym_mj.policies.planners import PLANNERS
 from softgym_mj.registry import TASKS
+from softgym_mj.robots.arm.models import ARMS
 from softgym_mj.storage.files import naming, read_whole, write_csv
 from softgym_mj.variations.indices import SPLITS
 
@@ -28,6 +29,7 @@ class Name(NamedTuple):
     """Name of a result: trainings of the same name differ only in their seeds."""
 
     task: str
+    actor: str
     method: str
     observation: str
     preset: str
@@ -39,7 +41,7 @@ class Row:
     """Evaluation of a seed on a split.
 
     Attributes:
-        task, method, observation, preset, replay: Fields of `Name`.
+        task, actor, method, observation, preset, replay: Fields of `Name`.
         seed: Seed of the training.
         env_steps: Env steps of training; for a planner, those that it simulates in an episode.
         updates: Updates so far.
@@ -52,6 +54,7 @@ class Row:
     """
 
     task: str
+    actor: str
     method: str
     observation: str
     preset: str
@@ -69,7 +72,7 @@ class Row:
     @property
     def name(self) -> Name:
         """Name of the result."""
-        return Name(self.task, self.method, self.observation, self.preset, self.replay)
+        return Name(self.task, self.actor, self.method, self.observation, self.preset, self.replay)
 
     @property
     def key(self) -> tuple:
@@ -100,6 +103,11 @@ class Reference:
     certainty: str
     source: str
 
+    def compares(self, name: Name) -> bool:
+        """Returns whether it is a score of a result's task, method and observation without arms."""
+        own = self.task, self.method, self.observation
+        return own == (name.task, name.method, name.observation) and name.actor not in ARMS
+
 
 def _parser(
     make: Callable[[str], Any], valid: str, good: Callable[[Any], Any] = lambda value: True
@@ -128,7 +136,7 @@ _SCORE = _parser(float, "a finite number", math.isfinite)
 _PARSERS: dict[str, _Parser] = {
     "task": _one_of(*TASKS),
     "method": _METHOD,
-    **dict.fromkeys(("observation", "preset", "replay"), _WORD),
+    **dict.fromkeys(("actor", "observation", "preset", "replay"), _WORD),
     **dict.fromkeys(("seed", "env_steps", "updates", "episodes"), _COUNT),
     "seconds": _parser(float, "0 or more, or nothing", lambda value: 0 <= value < math.inf),
     "split": _one_of("train", "evaluate"),
@@ -204,7 +212,7 @@ def rows_of_planner(result: Mapping[str, Any]) -> list[Row]:
     """Returns the rows of a planner's evaluation, one for each seed.
 
     The preset is "paper" with the paper's budget, iterations and horizon, a plan in every step and
-    the task's default settings, otherwise "small".
+    the task's default settings except the actor, otherwise "small".
 
     Raises:
         StoreError: for another policy, or variations of both splits.
@@ -214,8 +222,10 @@ def rows_of_planner(result: Mapping[str, Any]) -> list[Row]:
     if policy not in PLANNERS or splits[0] == "all":
         raise StoreError(f"{policy!r} on {task}: expected a planner, on variations of one split")
     usual = dataclasses.asdict(Planning(TASKS[task].resolve().planning_horizon))
-    is_paper = result["planning"] == usual and not result["settings"]
-    name = Name(task, policy, "simulator", "paper" if is_paper else "small", "none")
+    settings = {**result["settings"]}
+    actor = settings.pop("actor", DEFAULT_ACTOR)
+    is_paper = result["planning"] == usual and not settings
+    name = Name(task, actor, policy, "simulator", "paper" if is_paper else "small", "none")
     rows = []
     for seed in result["seeds"]:
         own = [episode for episode in result["episodes"] if episode["seed"] == seed]

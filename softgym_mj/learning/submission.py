@@ -13,7 +13,15 @@ import numpy as np
 
 from softgym_mj.evaluation import Configuration, Progress, evaluate
 from softgym_mj.exceptions import StoreError
-from softgym_mj.learning.curves import CARD, FILE, POLICY, evaluated, named, write_episodes
+from softgym_mj.learning.curves import (
+    CARD,
+    DEFAULT_ACTOR,
+    FILE,
+    POLICY,
+    evaluated,
+    named,
+    write_episodes,
+)
 from softgym_mj.learning.results import Name, Row, read_rows, write_rows
 from softgym_mj.parallel.executors import Executor
 from softgym_mj.policies.exported import has_images
@@ -85,9 +93,10 @@ def read_submission(folder: pathlib.Path) -> Submission:
         seeds,
         _settings(training, seen),
     )
+    actor = configuration.settings.get("actor", DEFAULT_ACTOR)
     return Submission(
         folder,
-        Name(configuration.task, card["method"], named(seen), card["preset"], replay),
+        Name(configuration.task, actor, card["method"], named(seen), card["preset"], replay),
         seeds,
         max(card["evaluations"]),
         card["updates"],

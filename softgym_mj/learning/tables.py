@@ -39,7 +39,7 @@ def table(rows: Iterable[Row], references: Sequence[Reference] = ()) -> list[dic
         known = {
             abs((r.env_steps or env_steps) - env_steps): r.value
             for r in references
-            if r.bound == "is" and (r.task, r.method, r.observation) == name[:3]
+            if r.bound == "is" and r.compares(name)
         }
         lines.append({
             **name._asdict(),

@@ -27,6 +27,7 @@ from softgym_mj.learning.checkpoints import (
 )
 from softgym_mj.learning.curves import (
     CARD,
+    DEFAULT_ACTOR,
     POLICY,
     curve_rows,
     evaluated,
@@ -169,7 +170,8 @@ class Training(TrainingSetup):
             if final and split == "evaluate":
                 write_episodes(self.folder, self.seeds, indices, result)
             common = {
-                "task": settings.task, "method": self.method.name,
+                "task": settings.task, "actor": settings.actor or DEFAULT_ACTOR,
+                "method": self.method.name,
                 "observation": named(settings.observations), "preset": self.method.preset,
                 "replay": "symmetric" if is_symmetric else "plain",
                 "env_steps": self.env_steps, "updates": self.learner.updates,

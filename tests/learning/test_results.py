@@ -28,10 +28,11 @@ from tools.run_queue import waiting
 ROOT = pathlib.Path(__file__).parents[2]
 RESULTS = ROOT / "docs" / "results"
 SCORES = (0.4, 1.0, 0.0, 0.9, 0.5)  # Final held-out scores of seeds 0..4.
-NAME = ("straighten_rope", "sac", "reduced", "fast", "symmetric")
-OWN = ("straighten_rope", "sac_own", *NAME[2:])  # A method of somebody else.
+NAME = results.Name("straighten_rope", "default", "sac", "reduced", "fast", "symmetric")
+REFERRED = (NAME.task, NAME.method, NAME.observation)
+OWN = NAME._replace(method="sac_own")  # A method of somebody else.
 HEAD = ",".join(curves.COLUMNS)
-LINE = "straighten_rope,sac,reduced,fast,plain,0,100,50,6.5,evaluate,200,0.5,0.25,1"
+LINE = "straighten_rope,default,sac,reduced,fast,plain,0,100,50,6.5,evaluate,200,0.5,0.25,1"
 
 
 def _row(seed, env_steps, split, score, final, name=NAME):
@@ -99,10 +100,10 @@ def _command(*words):
 
 def test_the_table_by_hand():
     known = [
-        Reference(*NAME[:3], 1000, 0.74, "is", "plot", "far"),
-        Reference(*NAME[:3], 250, 0.7, "is", "plot", "near"),
-        Reference(*NAME[:3], 300, 0.8, "below", "plot", "a bound"),
-        Reference("fold_cloth", *NAME[1:3], 300, 0.3, "is", "plot", "another task"),
+        Reference(*REFERRED, 1000, 0.74, "is", "plot", "far"),
+        Reference(*REFERRED, 250, 0.7, "is", "plot", "near"),
+        Reference(*REFERRED, 300, 0.8, "below", "plot", "a bound"),
+        Reference("fold_cloth", *REFERRED[1:], 300, 0.3, "is", "plot", "another task"),
     ]
     (line,) = table(_training(), known)
     assert tuple(line[key] for key in results.Name._fields) == NAME
@@ -123,7 +124,7 @@ def test_the_table_by_hand():
 
 
 def test_one_seed_has_no_spread_and_other_lengths_are_other_lines():
-    short = [_row(0, 200, "evaluate", 0.3, True, ("fold_cloth", *NAME[1:]))]
+    short = [_row(0, 200, "evaluate", 0.3, True, NAME._replace(task="fold_cloth"))]
     longer = [dataclasses.replace(short[0], env_steps=400)]
     lines = table([*short, *longer, _row(1, 900, "evaluate", 0.9, False)])
     assert [(line["env_steps"], line["median"], line["iqm"]) for line in lines] == [
@@ -144,7 +145,7 @@ def test_curves_by_hand():
 
 
 def test_the_figure_is_drawn_where_there_are_curves(tmp_path):
-    known = [Reference(*NAME[:3], 250, 0.7, "is", "plot", "near")]
+    known = [Reference(*REFERRED, 250, 0.7, "is", "plot", "near")]
     learned.draw(_training()[:2], known, tmp_path / "none.png")
     learned.draw(_training(), known, tmp_path / "some.png")
     assert not (tmp_path / "none.png").exists()
@@ -152,16 +153,23 @@ def test_the_figure_is_drawn_where_there_are_curves(tmp_path):
 
 
 def test_a_panel_has_all_numbers_of_others():
-    known = [Reference(*NAME[:3], 250, 0.1 * k, "is", "plot", "near") for k in range(5)]
+    known = [Reference(*REFERRED, 250, 0.1 * k, "is", "plot", "near") for k in range(5)]
     axes = new_figure(3.0, 3.0).subplots()
-    learned._panel(axes, NAME[0], learned.curves(_training()), known)
+    learned._panel(axes, NAME.task, learned.curves(_training()), known)
     drawn = [line.get_ydata()[0] for line in axes.lines if "others" in line.get_label()]
     assert drawn == [reference.value for reference in known]
 
 
 def test_the_overview_is_there_once_something_was_learned(monkeypatch):
     planned = [
-        _row(0, 300, "evaluate", score, True, ("fold_cloth", "cem", "simulator", preset, "none"))
+        _row(
+            0,
+            300,
+            "evaluate",
+            score,
+            True,
+            results.Name("fold_cloth", "default", "cem", "simulator", preset, "none"),
+        )
         for preset, score in (("paper", 0.9), ("small", 0.4))
     ]
     monkeypatch.setattr(learned, "rows", lambda: planned)
@@ -314,12 +322,18 @@ def _changed(rows, change, which=lambda row: True):
         (lambda rows: rows, {"training": {"task": "fold_cloth"}}, "task is straighten_rope in"),
         (
             lambda rows: rows,
-            {"training": {"task": NAME[0], "observation": NAME[2], "fidelity": "fast"}},
+            {"training": {"task": NAME.task, "observation": NAME.observation, "fidelity": "fast"}},
             "not the table's: fidelity is 'fast'",
         ),
         (
             lambda rows: rows,
-            {"training": {"task": NAME[0], "observation": NAME[2], "arguments": {"domain": "x"}}},
+            {
+                "training": {
+                    "task": NAME.task,
+                    "observation": NAME.observation,
+                    "arguments": {"domain": "x"},
+                }
+            },
             "arguments is {'domain': 'x'}",
         ),
         (
@@ -330,7 +344,13 @@ def _changed(rows, change, which=lambda row: True):
         (lambda rows: _changed(rows, {"method": "sac"}), {"method": "sac"}, "512000 in the preset"),
         (  # A training that a time limit has ended.
             lambda rows: rows,
-            {"training": {"task": NAME[0], "observation": NAME[2], "env_steps": 512_000}},
+            {
+                "training": {
+                    "task": NAME.task,
+                    "observation": NAME.observation,
+                    "env_steps": 512_000,
+                }
+            },
             "ended after 300 of 512000 env steps",
         ),
     ],
@@ -349,13 +369,14 @@ def test_results_that_break_rules_are_not_merged(folder, rows, card, message):
 
 
 def test_several_observations_are_named_as_in_the_card(folder):
-    name = (*NAME[:2], "rgb+held", *NAME[3:])
     rows = [dataclasses.replace(row, observation="rgb+held") for row in _own()]
     _publish(folder / "training", rows)
     card = json.loads((folder / "training" / "card.json").read_text())
     card["training"]["observation"] = ["rgb", "held"]
     (folder / "training" / "card.json").write_text(json.dumps(card))
-    assert {row.name for row in enter(folder / "training")} == {(name[0], OWN[1], *name[2:])}
+    assert {row.name for row in enter(folder / "training")} == {
+        OWN._replace(observation="rgb+held")
+    }
 
 
 def test_results_without_their_other_files_are_not_merged(folder):
@@ -399,8 +420,8 @@ def test_the_queue_goes_on_with_what_is_not_done(folder):
     + [{key: "other"} for key in results.Name._fields],
 )
 def test_a_run_is_done_by_final_rows_of_all_its_seeds(changes):
-    how = {"replay": NAME[4], "env_steps": 300, "gpu_minutes": 1}
-    run = QueuedRun(*NAME[:2], NAME[3], 2, "why", **how)
+    how = {"replay": NAME.replay, "env_steps": 300, "gpu_minutes": 1}
+    run = QueuedRun(NAME.task, NAME.method, NAME.preset, 2, "why", **how)
     rows = [_row(seed, 300, "evaluate", 0.5, True) for seed in range(2)]
     assert run.is_done(rows)
     assert not run.is_done([rows[0], dataclasses.replace(rows[1], **changes)])
@@ -409,7 +430,7 @@ def test_a_run_is_done_by_final_rows_of_all_its_seeds(changes):
 def test_commands_have_what_settings_replace(tmp_path):
     run = QueuedRun("fold_cloth", "sac", "fast", 3, "", settings={"part": 512}, core_hours=2)
     assert "--seeds 3 --settings '{\"part\": 512}' --device cuda --out training/" in run.command
-    custom = ("fold_cloth", "sac", "reduced", "custom", "plain")
+    custom = ("fold_cloth", "default", "sac", "reduced", "custom", "plain")
     for env_steps, done in ((1_024_000, True), (409_600, False)):
         rows = [_row(seed, env_steps, "evaluate", 0.1, True, custom) for seed in range(3)]
         assert run.is_done(rows) == done

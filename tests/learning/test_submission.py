@@ -14,7 +14,7 @@ from softgym_mj.learning.results import Name, Row
 from softgym_mj.variations.indices import SPLITS
 
 FEW = {"train": range(1), "evaluate": range(800, 802)}
-OWN = Name("straighten_rope", "mine", "reduced", "custom", "plain")
+OWN = Name("straighten_rope", "default", "mine", "reduced", "custom", "plain")
 SIZE = 36  # Size of the reduced state of straighten_rope.
 
 
