@@ -75,6 +75,14 @@ def test_as_many_variations_of_training_as_held_out(monkeypatch):
     assert len(own["train"]) == 200 and {*own["train"]} < {*SPLITS["train"]}
 
 
+def test_rows_have_the_actor_of_the_card(folder):
+    training = {"task": "straighten_rope", "observation": "reduced", "actor": "franka"}
+    _write_card(folder, training=training)
+    own = submission.read_submission(folder)
+    assert own.name == OWN._replace(actor="franka")
+    assert own.configuration.settings == {"observation": "reduced", "actor": "franka"}
+
+
 def test_rows_are_what_episodes_played_one_by_one_score(folder):
     _write_card(folder)
     assert "seed 1: " in _submit(folder)
