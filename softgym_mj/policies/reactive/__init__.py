@@ -14,12 +14,15 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import check_name
 from softgym_mj.metrics import Array
 from softgym_mj.policies.reactive.cloth import fold_crumpled_cloth
+from softgym_mj.policies.reactive.drop import drop_fold_cloth
 from softgym_mj.policies.reactive.rope import rope_configuration
 
 LABELS: dict[str, Callable[[Array], Array]] = {
+    "drop_fold_cloth": drop_fold_cloth,
     "fold_crumpled_cloth": fold_crumpled_cloth,
     "rope_configuration": rope_configuration,
 }
+vars(drop_fold_cloth)["observes"] = "key_points+markov"
 vars(fold_crumpled_cloth)["observes"] = "full+markov"
 vars(rope_configuration)["observes"] = "markov"
 
