@@ -85,11 +85,11 @@ inline Nearness FindNearness(const Vec3<Lanes>& x, const Vec3<Lanes>& other, Lan
   Nearness near;
   near.away = {x.x - other.x, x.y - other.y, x.z - other.z};
   const Vec3<Lanes>& d = near.away;
-  const Lanes r = Sqrt(Max(MultiplyAdd(d.x, d.x, MultiplyAdd(d.y, d.y, d.z * d.z)), tiny));
+  const Lanes r = SqrtOfModerate(Max(MultiplyAdd(d.x, d.x, MultiplyAdd(d.y, d.y, d.z * d.z)), tiny));
   near.q = r * inverse_radius;
   near.s = Max(one - near.q, zero);
   near.s2 = near.s * near.s;
-  const Lanes scale = near.s2 / r;
+  const Lanes scale = DivideModerate(near.s2, r);
   near.e = {scale * d.x, scale * d.y, scale * d.z};
   return near;
 }
@@ -132,7 +132,7 @@ inline void FindPressureOf(const FluidConstants& fluid, const Particles& p, cons
   const float length = gx * gx + gy * gy + gz * gz + sums[3];
   OneLane([&] {
     if (excess > kCrowded) *p.crowded = true;
-    p.pressure[i] = Max(excess, 0.0f) / (length + 1e-6f);
+    p.pressure[i] = DivideOften0(Max(excess, 0.0f), length + 1e-6f);
     float *correction = p.correction + 4 * i, *gradient = p.gradient + 4 * i;
     for (int k = 0; k < 3; ++k) correction[k] = pull[k];
     gradient[0] = gx;
@@ -190,7 +190,7 @@ inline void Smooth(const FluidConstants& fluid, const Particles& p, const Neighb
     const Vec3<Lanes> vj = Gather(p.velocity, neighbors.index + k);
     const Lanes dx = x - xj.x, dy = y - xj.y, dz = z - xj.z;
     const Lanes squared = Max(MultiplyAdd(dx, dx, MultiplyAdd(dy, dy, dz * dz)), tiny);
-    const Lanes s = Max(one - Sqrt(squared) * inverse_radius, zero);
+    const Lanes s = Max(one - SqrtOfModerate(squared) * inverse_radius, zero);
     const Lanes weight = s * s * s;
     sum_u = MultiplyAdd(weight, vj.x - u, sum_u);
     sum_v = MultiplyAdd(weight, vj.y - v, sum_v);
@@ -274,7 +274,7 @@ inline void Collide(const FluidConstants& fluid, const Particles& p, const WallP
   const Lanes pressure_push = wall_push * Pick(p.pressure, particle) * Lanes::Load(pairs.slope + k);
   const Lanes along = Dot(way, normal);
   const Vec3<Lanes> slide = {way.x - along * normal.x, way.y - along * normal.y, way.z - along * normal.z};
-  const Lanes grip = Min(friction * (push + pressure_push) / Sqrt(Max(Dot(slide, slide), tiny)), Lanes(1.0f));
+  const Lanes grip = Min(DivideOften0(friction * (push + pressure_push), Sqrt(Max(Dot(slide, slide), tiny))), Lanes(1.0f));
   const Vec3<Lanes> local = {reached.x + push * normal.x - grip * slide.x, reached.y + push * normal.y - grip * slide.y,
                              reached.z + push * normal.z - grip * slide.z};
   Vec3<Lanes> change = Rotate<Lanes>(pairs.end, {local.x - to.x, local.y - to.y, local.z - to.z});
