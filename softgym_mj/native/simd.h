@@ -165,14 +165,18 @@ inline float Sum(Lanes a) {
   for (int far = kLanes / 2; far > 0; far /= 2) a.v = __fadd_rn(a.v, __shfl_xor_sync(eight, a.v, far));
   return a.v;
 }
-inline void Gather4(const float* p, const int* index, Lanes* x, Lanes* y, Lanes* z, Lanes* w) {
+template <class Index>
+inline void Gather4(const float* p, const Index* index, Lanes* x, Lanes* y, Lanes* z, Lanes* w) {
   const float4 a = *reinterpret_cast<const float4*>(p + 4 * index[Lane()]);
   x->v = a.x, y->v = a.y, z->v = a.z, w->v = a.w;
 }
 inline void Scatter4(float* p, const int* index, Lanes x, Lanes y, Lanes z, Lanes w) {
   *reinterpret_cast<float4*>(p + 4 * index[Lane()]) = make_float4(x.v, y.v, z.v, w.v);
 }
-inline Lanes Pick(const float* p, const int* index) { return Lanes(p[index[Lane()]]); }
+template <class Index>
+inline Lanes Pick(const float* p, const Index* index) {
+  return Lanes(p[index[Lane()]]);
+}
 
 #else
 
@@ -298,6 +302,10 @@ template <class F>
 inline void OneLane(F f) {
   if (Lane() == 0) f();
 }
+// Writes a vector of four floats, aligned to 16 bytes.
+inline void Store4(float* p, float x, float y, float z, float w) {
+  *reinterpret_cast<float4*>(p) = make_float4(x, y, z, w);
+}
 // Waits for all lanes.
 inline void WaitLanes() { __syncwarp(0xffu << threadIdx.x % 32 / kLanes * kLanes); }
 #else
@@ -311,6 +319,7 @@ template <class F>
 inline void OneLane(F f) {
   f();
 }
+inline void Store4(float* p, float x, float y, float z, float w) { p[0] = x, p[1] = y, p[2] = z, p[3] = w; }
 inline void WaitLanes() {}
 #endif
 
@@ -362,9 +371,12 @@ inline float Select(bool mask, float a, float b) { return mask ? a : b; }
 // a / b for a >= 0 and b > 0 where a is often 0, for which a division takes a GPU several times as long.
 template <class T>
 inline T DivideOften0(T a, T b) {
-  const T zero(0.0f);
-  const auto positive = Less(zero, a);
-  return Select(positive, Select(positive, a, T(1.0f)) / b, zero);
+#ifdef __CUDACC__
+  const auto positive = Less(T(0.0f), a);
+  return Select(positive, Select(positive, a, T(1.0f)) / b, a);
+#else
+  return a / b;
+#endif
 }
 
 }  // namespace

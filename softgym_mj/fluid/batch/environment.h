@@ -56,8 +56,8 @@ inline void TakeMemory(const Model& model, Memory* memory, Environment* w) {
   const int n = model.count + kLanes;
   Particles* p = &w->particles;
   memory->Take(&w->step, 1);
-  float** const of_four[] = {&p->position, &p->old_position,  &p->velocity, &p->correction,
-                             &p->gradient, &p->wall_gradient, &w->spare,    &w->built};
+  float** const of_four[] = {&p->position,      &p->old_position, &p->velocity, &p->correction, &p->gradient,
+                             &p->wall_gradient, &p->packed,       &w->spare,    &w->built};
   for (float** a : of_four) memory->Take(a, 4 * n);
   float *x = nullptr, *y = nullptr, *z = nullptr;
   float** const of_one[] = {&p->wall_density, &p->free_share, &p->pressure, &x, &y, &z};

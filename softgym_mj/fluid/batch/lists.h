@@ -129,31 +129,43 @@ inline void Sort(Environment* w) {
 #ifdef __CUDACC__
 
 // Lists the neighbors of particle i, as `FindNeighbors` of the kernels. One thread lists all of them because the
-// threads of its neighbors read the same particles.
+// threads of its neighbors read the same particles. It reads a few ahead, and does not wait for other threads after
+// each range.
 inline void ListNeighborsOf(const Environment& w, int i) {
-  const Particles& p = w.particles;
+  constexpr int kAhead = 4;
+  static_assert(kAhead <= kLanes, "What is read and written ahead must fit.");
   const Step& step = *w.step;
   const Grid grid = {step.nx, step.ny, step.nz, w.start};
   const float distance = ListDistance(*w.model), inverse = 1.0f / distance, limit = distance * distance;
-  const float x = p.x[i], y = p.y[i], z = p.z[i];
+  const auto* const position = reinterpret_cast<const float4*>(w.particles.position);
+  const float4 own = position[i];
   int first[kRanges], last[kRanges];
-  const int ranges = FindRanges(grid, CellOf(x * inverse) & (step.nx - 1), CellOf(y * inverse) & (step.ny - 1),
-                                CellOf(z * inverse) & (step.nz - 1), first, last);
-  int* index = w.neighbors.index + static_cast<long long>(kListStride) * i;
-  int length = 0;
-  for (int r = 0; r < ranges && length <= kMostNeighbors; ++r) {
-    for (int k = first[r]; k < last[r] && length <= kMostNeighbors; ++k) {
-      const float dx = p.x[k] - x, dy = p.y[k] - y, dz = p.z[k] - z;
-      if (dx * dx + dy * dy + dz * dz < limit && k != i) index[length++] = k;
+  const int ranges = FindRanges(grid, CellOf(own.x * inverse) & (step.nx - 1), CellOf(own.y * inverse) & (step.ny - 1),
+                                CellOf(own.z * inverse) & (step.nz - 1), first, last);
+  const auto count = static_cast<ListIndex>(w.particles.count);
+  ListIndex* const index = w.neighbors.index;
+  const unsigned begin = static_cast<unsigned>(kListStride) * i, full = begin + kMostNeighbors;
+  unsigned next = begin;
+  for (int r = 0, k = 0, end = 0; next <= full; k += kAhead) {
+    if (k >= end) {
+      if (r == ranges) break;
+      k = first[r], end = last[r++];
+    }
+    float4 other[kAhead];
+    for (int n = 0; n < kAhead; ++n) other[n] = position[k + n];
+    for (int n = 0; n < kAhead; ++n) {
+      const float dx = other[n].x - own.x, dy = other[n].y - own.y, dz = other[n].z - own.z;
+      const bool near = (dx * dx + dy * dy + dz * dz < limit) & (k + n < end) & (k + n != i);
+      if (near) index[next++] = static_cast<ListIndex>(k + n);
     }
   }
-  if (length > kMostNeighbors) {
-    length = kMostNeighbors;
+  if (next > full) {
+    next = full;
     *w.neighbors.too_many = true;
   }
-  while (length % kLanes) index[length++] = p.count;
-  w.begin[i] = kListStride * i;
-  w.end[i] = kListStride * i + length;
+  while (next % kLanes) index[next++] = count;
+  w.begin[i] = begin;
+  w.end[i] = next;
 }
 
 // Lists the neighbors of all particles.

@@ -84,6 +84,7 @@ inline void Load(const Environment& w) {
     const int dummy = 4 * m.count + k;
     p.position[dummy] = p.old_position[dummy] = kFar;
     p.velocity[dummy] = p.correction[dummy] = 0;
+    p.packed[dummy] = k < 3 ? kFar : 0;
     if (k == 0) p.pressure[m.count] = 0;
   });
   Once([&] {
@@ -105,7 +106,7 @@ inline void Substep(Environment* w) {
   });
   if (ListsExpired(*w)) BuildLists(w);
   Each(m.count + 1, [&](int i) {
-    for (int k = 0; k < 4; ++k) p.wall_gradient[4 * i + k] = 0;
+    Store4(p.wall_gradient + 4 * i, 0, 0, 0, 0);
     p.free_share[i] = 1;
     if (i == 0) w->step->crowded = false;
   });

@@ -36,6 +36,7 @@ struct Particles {
   float* wall_density;   // Density added by walls, one float per particle.
   float* free_share;     // Product over the walls of the share that they leave open, one float per particle.
   float* pressure;       // One float per particle.
+  float* packed;         // Position (x, y, z) and pressure, if e_ij are not kept.
   bool* crowded;         // Set if two particles may be in one place.
   const float* x;        // Coordinates at the time the lists were built.
   const float* y;
@@ -54,11 +55,18 @@ struct Candidates {
   int* index;
 };
 
+// Index of a particle in a list; on a GPU, where lists of all environments do not fit into the caches, of 16 bits.
+#ifdef __CUDACC__
+using ListIndex = unsigned short;
+#else
+using ListIndex = int;
+#endif
+
 // Neighbors of particle i are index[begin[i]] .. index[end[i]], padded to whole vectors.
 struct Neighbors {
   int* begin;
   const int* end;
-  int* index;
+  ListIndex* index;
   long capacity;   // Capacity of `index`.
   int most;        // Largest number per particle; further neighbors are left out.
   bool* too_many;  // Set if one has more.

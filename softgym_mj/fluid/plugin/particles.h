@@ -26,7 +26,8 @@ constexpr float kApproach = 0.9f;
 constexpr float kCrowded = 0.5f;
 
 // The vectors of four floats at `index`, without the fourth.
-inline Vec3<Lanes> Gather(const float* p, const int* index) {
+template <class Index>
+inline Vec3<Lanes> Gather(const float* p, const Index* index) {
   Vec3<Lanes> out;
   Lanes rest;
   Gather4(p, index, &out.x, &out.y, &out.z, &rest);
@@ -50,8 +51,8 @@ inline void Add(float* p, const int* index, int count, const Vec3<Lanes>& a) {
 
 constexpr int kRanges = 18;  // Largest number of ranges of particles in the cells around one.
 
-// Fills the ranges of particles in and around a cell; returns their number. They are 9 rows of cells, each one range
-// or, where it wraps, two.
+// Fills the nonempty ranges of particles in and around a cell; returns their number. They are 9 rows of cells, each one
+// range or, where it wraps, two.
 inline int FindRanges(const Grid& grid, int cx, int cy, int cz, int* first, int* last) {
   const int* start = grid.start;
   const int nx = grid.nx, ny = grid.ny, nz = grid.nz;
@@ -61,14 +62,17 @@ inline int FindRanges(const Grid& grid, int cx, int cy, int cz, int* first, int*
       const int row = nx * (((cy + dy) & (ny - 1)) + ny * ((cz + dz) & (nz - 1)));
       if (cx > 0 && cx < nx - 1) {
         first[ranges] = start[row + cx - 1];
-        last[ranges++] = start[row + cx + 2];
+        last[ranges] = start[row + cx + 2];
+        ranges += first[ranges] < last[ranges];
       } else {
         const int left = cx > 0 ? cx - 1 : 0, right = cx > 0 ? nx : 2;
         first[ranges] = start[row + left];
-        last[ranges++] = start[row + right];
+        last[ranges] = start[row + right];
+        ranges += first[ranges] < last[ranges];
         const int other = cx > 0 ? 0 : nx - 1;
         first[ranges] = start[row + other];
-        last[ranges++] = start[row + other + 1];
+        last[ranges] = start[row + other + 1];
+        ranges += first[ranges] < last[ranges];
       }
     }
   }
@@ -132,12 +136,11 @@ inline void FindPressureOf(const FluidConstants& fluid, const Particles& p, cons
   const float length = gx * gx + gy * gy + gz * gz + sums[3];
   OneLane([&] {
     if (excess > kCrowded) *p.crowded = true;
-    p.pressure[i] = DivideOften0(Max(excess, 0.0f), length + 1e-6f);
-    float *correction = p.correction + 4 * i, *gradient = p.gradient + 4 * i;
-    for (int k = 0; k < 3; ++k) correction[k] = pull[k];
-    gradient[0] = gx;
-    gradient[1] = gy;
-    gradient[2] = gz;
+    const float pressure = DivideOften0(Max(excess, 0.0f), length + 1e-6f);
+    p.pressure[i] = pressure;
+    if (!kKept) Store4(p.packed + 4 * i, xi[0], xi[1], xi[2], pressure);
+    Store4(p.correction + 4 * i, pull[0], pull[1], pull[2], 0);
+    Store4(p.gradient + 4 * i, gx, gy, gz, 0);
   });
 }
 
@@ -150,12 +153,15 @@ inline void AddCorrection(const FluidConstants& fluid, const Particles& p, const
   const Vec3<Lanes> from = {Lanes(xi[0]), Lanes(xi[1]), Lanes(xi[2])};
   Lanes x(0.0f), y(0.0f), z(0.0f);
   for (int k = neighbors.begin[i]; k < neighbors.end[i]; k += kLanes) {
-    const Lanes pressure = Pick(p.pressure, neighbors.index + k);
+    Lanes pressure;
     Vec3<Lanes> e;
     if (kKept) {
+      pressure = Pick(p.pressure, neighbors.index + k);
       e = {Lanes::Load(ex + k), Lanes::Load(ey + k), Lanes::Load(ez + k)};
     } else {
-      e = FindNearness(from, Gather(p.position, neighbors.index + k), inverse_radius).e;
+      Vec3<Lanes> other;
+      Gather4(p.packed, neighbors.index + k, &other.x, &other.y, &other.z, &pressure);
+      e = FindNearness(from, other, inverse_radius).e;
     }
     x = MultiplyAdd(pressure, e.x, x);
     y = MultiplyAdd(pressure, e.y, y);
@@ -274,7 +280,8 @@ inline void Collide(const FluidConstants& fluid, const Particles& p, const WallP
   const Lanes pressure_push = wall_push * Pick(p.pressure, particle) * Lanes::Load(pairs.slope + k);
   const Lanes along = Dot(way, normal);
   const Vec3<Lanes> slide = {way.x - along * normal.x, way.y - along * normal.y, way.z - along * normal.z};
-  const Lanes grip = Min(DivideOften0(friction * (push + pressure_push), Sqrt(Max(Dot(slide, slide), tiny))), Lanes(1.0f));
+  const Lanes grip =
+      Min(DivideOften0(friction * (push + pressure_push), Sqrt(Max(Dot(slide, slide), tiny))), Lanes(1.0f));
   const Vec3<Lanes> local = {reached.x + push * normal.x - grip * slide.x, reached.y + push * normal.y - grip * slide.y,
                              reached.z + push * normal.z - grip * slide.z};
   Vec3<Lanes> change = Rotate<Lanes>(pairs.end, {local.x - to.x, local.y - to.y, local.z - to.z});
