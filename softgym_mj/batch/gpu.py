@@ -27,13 +27,15 @@ KERNELS: dict[str, tuple[str, str, Mapping[str, str]]] = {
     "cloth": ("cloth", "cloth/batch/step.cu", {"SGM_SOLIDS": "0"}),
     f"cloth{SOLIDS}": ("cloth", "cloth/batch/step.cu", {"SGM_GRIDS": "0"}),
     f"cloth{GRIDS}": ("cloth", "cloth/batch/step.cu", {}),
-    "fluid": ("fluid", "fluid/batch/step.cu", {"SGM_PUSHES": "0"}),
-    f"fluid{PUSHES}": ("fluid", "fluid/batch/step.cu", {}),
+    "fluid": ("fluid", "fluid/batch/step.cu", {"SGM_HALVES": "1", "SGM_PUSHES": "0"}),
+    f"fluid{PUSHES}": ("fluid", "fluid/batch/step.cu", {"SGM_HALVES": "1"}),
     "measures": ("batch", "batch/measures.cu", {}),
     "pictures": ("rendering", "rendering/batch/draw.cu", {}),
 }
 # Largest number of threads per block, and blocks per multiprocessor: the fastest on an H100.
-BLOCKS = {"cloth": (256, 4), "fluid": (512, 2), "measures": (256, 1), "pictures": (256, 4)}
+BLOCKS = {"cloth": (256, 4), "fluid": (1024, 1), "measures": (256, 1), "pictures": (256, 4)}
+# Kinds whose largest blocks step two small environments by halves (queue.h).
+HALVED = {"fluid"}
 # [bytes] Shared memory per point, as in cloth/batch/host.h, and its limit per block.
 QUICK, MOST_QUICK = {"cloth": 48, "fluid": 0, "pictures": 0}, 48 * 1024
 
@@ -201,6 +203,10 @@ class CudaDevice(Device):
         self._graphs: dict[str, tuple[Any, Any, Any]] = {}  # Keys, graphs, results.
 
     def max_slots(self, kind: str, size: int) -> int:
+        return self._resident(kind, size) * (1 + _halved(kind, size))
+
+    def _resident(self, kind: str, size: int) -> int:
+        """Number of blocks that run at a time."""
         properties = self._torch.cuda.get_device_properties(self.xp_device)
         threads, blocks = BLOCKS[kind]
         return properties.multi_processor_count * (blocks * threads // _threads(kind, size))
@@ -227,7 +233,8 @@ class CudaDevice(Device):
         quick = quick if quick <= MOST_QUICK else 0
         address = batch.data_ptr()
         name = kind + variant
-        launch(name, "Step", self.xp_device, num_slots, threads, address, quick, quick=quick)
+        num_blocks = min(num_slots, self._resident(kind, size))
+        launch(name, "Step", self.xp_device, num_blocks, threads, address, quick, quick=quick)
 
     def repeat(self, key: Hashable, function: Callable[[], Any], name: str = "") -> Any:
         """Runs a function; from its second call with a key on, replays it as a CUDA graph."""
@@ -247,7 +254,14 @@ class CudaDevice(Device):
 
 def _threads(kind: str, size: int) -> int:
     """Returns the number of threads of a block for `size` points."""
-    return min(max(-(-size // _WARP), 2) * _WARP, BLOCKS[kind][0])
+    most = BLOCKS[kind][0]
+    threads = min(max(-(-size // _WARP), 2) * _WARP, most)
+    return most if kind in HALVED and threads > most // 2 else threads
+
+
+def _halved(kind: str, size: int) -> bool:
+    """Whether blocks for `size` points may step two environments by halves."""
+    return kind in HALVED and _threads(kind, size) == BLOCKS[kind][0]
 
 
 def _cloned(values: Any) -> Any:

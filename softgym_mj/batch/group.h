@@ -21,22 +21,46 @@ using Key = unsigned long long;
 // A function that is not inlined: a program is faster when its loops fit into the instruction cache.
 #define SGM_APART __noinline__
 
+#ifndef SGM_HALVES
+constexpr int kGroups = 1;  // Groups of a block.
+inline int Group() { return 0; }
+inline int Threads() { return static_cast<int>(blockDim.x); }
+inline int Thread() { return static_cast<int>(threadIdx.x); }
 inline void Wait() { __syncthreads(); }
+#else
+// A block is one group, or two, which wait apart.
+constexpr int kGroups = 2;
+__shared__ int group_threads;  // Threads of a group.
+inline int Group() { return static_cast<int>(threadIdx.x) >= group_threads; }
+inline int Threads() { return group_threads; }
+inline int Thread() {
+  const int thread = static_cast<int>(threadIdx.x), threads = group_threads;
+  return thread < threads ? thread : thread - threads;
+}
+inline void Wait() {
+  const int threads = group_threads, barrier = 1 + (static_cast<int>(threadIdx.x) >= threads);
+#ifdef __CUDACC_RTC__
+  asm volatile("bar.sync %0, %1;" ::"r"(barrier), "r"(threads) : "memory");
+#else
+  __barrier_sync_count(barrier, threads);
+#endif
+}
+#endif
 
 constexpr unsigned kWarp = ~0u;  // Mask of all threads of a warp.
 
 // Calls f(i) for 0 <= i < count, and waits for all of them.
 template <class F>
 inline void Each(int count, F f) {
-  for (int i = static_cast<int>(threadIdx.x); i < count; i += static_cast<int>(blockDim.x)) f(i);
+  for (int i = Thread(); i < count; i += Threads()) f(i);
   Wait();
 }
 
 // Calls f(i) for first <= i < end, each by eight threads, which are the lanes of `Lanes`.
 template <class F>
 inline void EachBlock(int first, int end, F f) {
-  const int threads = static_cast<int>(blockDim.x) / kLanes;
-  for (int i = first + static_cast<int>(threadIdx.x) / kLanes; i < end; i += threads) f(i);
+  const int threads = Threads() / kLanes;
+  for (int i = first + Thread() / kLanes; i < end; i += threads) f(i);
   Wait();
 }
 
@@ -45,7 +69,7 @@ inline void EachBlock(int first, int end, F f) {
 template <class F>
 inline void EachBlockOf(const int* begin, int parts, F f) {
   constexpr int kThreads = 32, kSmall = kThreads / kLanes;
-  const int thread = static_cast<int>(threadIdx.x);
+  const int thread = Thread();
   for (int part = 0; part < parts;) {
     if (begin[part + 1] - begin[part] > kSmall) {
       EachBlock(begin[part], begin[part + 1], f);
@@ -55,7 +79,7 @@ inline void EachBlockOf(const int* begin, int parts, F f) {
     int end = part;
     while (end < parts && begin[end + 1] - begin[end] <= kSmall) ++end;
     for (; part < end && thread < kThreads; ++part) {
-      const int step = static_cast<int>(blockDim.x) < kThreads ? static_cast<int>(blockDim.x) / kLanes : kSmall;
+      const int step = Threads() < kThreads ? Threads() / kLanes : kSmall;
       for (int i = begin[part] + thread / kLanes; i < begin[part + 1]; i += step) f(i);
       __syncwarp();
     }
@@ -79,6 +103,9 @@ inline int FirstBit(Key bits) { return __ffsll(static_cast<long long>(bits)) - 1
 
 #define SGM_SHARED
 #define SGM_APART inline
+
+constexpr int kGroups = 1;
+inline int Group() { return 0; }
 
 // Order of iterations: 0 ascending, 1 descending, other numbers various permutations.
 inline int& Turns() {
@@ -198,7 +225,7 @@ constexpr int kMostThreads = 1024;  // Largest group.
 
 // Replaces `count` numbers by their inclusive prefix sums. `partial`: memory for one number per thread.
 inline void SumUp(int* a, int count, int* partial) {
-  const int threads = static_cast<int>(blockDim.x), own = static_cast<int>(threadIdx.x);
+  const int threads = Threads(), own = Thread();
   const int share = (count + threads - 1) / threads, first = own * share;
   int sum = 0;
   for (int i = first; i < first + share && i < count; ++i) sum += a[i];

@@ -3,6 +3,8 @@
 #ifndef SOFTGYM_MJ_BATCH_QUEUE_H_
 #define SOFTGYM_MJ_BATCH_QUEUE_H_
 
+#include "batch/group.h"
+
 namespace softgym_mj {
 namespace {
 
@@ -24,6 +26,42 @@ __device__ void EachEnvironment(const Batch& batch, F f) {
     __syncthreads();
   }
 }
+
+#ifdef SGM_HALVES
+
+// The same by whole blocks for the first environments, those for which is_large(env_index), then by halves of a block,
+// each with a slot of its own, so that the largest ones do not end last.
+template <class Batch, class Large, class F>
+__device__ void EachEnvironmentInHalves(const Batch& batch, Large is_large, F f) {
+  __shared__ int turns[kGroups];
+  const int half = static_cast<int>(threadIdx.x) >= SGM_THREADS / 2, blocks = static_cast<int>(gridDim.x);
+  bool halves = blockDim.x == SGM_THREADS && batch.num_envs > blocks;
+  int slot = static_cast<int>(blockIdx.x);
+  if (threadIdx.x == 0) group_threads = static_cast<int>(blockDim.x);
+  __syncthreads();
+  for (;;) {
+    if (Thread() == 0) turns[Group()] = atomicAdd(batch.begun, 1);
+    Wait();
+    const int own = turns[Group()];
+    Wait();
+    if (own >= batch.num_envs) return;
+    const int env_index = batch.order[own];
+    if (halves && !is_large(env_index)) {
+      halves = false;
+      if (threadIdx.x == 0) group_threads = SGM_THREADS / 2;
+      __syncthreads();
+      slot += half * blocks;
+      if (slot >= batch.num_slots) return;
+      if (half) continue;  // The first half steps it.
+    }
+    const long long start = clock64();
+    f(env_index, slot);
+    if (Thread() == 0) batch.cost[env_index] = (clock64() - start) * Threads();
+    Wait();
+  }
+}
+
+#endif  // SGM_HALVES
 
 }  // namespace
 }  // namespace softgym_mj

@@ -31,7 +31,8 @@ constexpr int kGroup = 8, kWarpSize = 32;
 struct Index {
   unsigned x;
 };
-Index blockDim;
+Index blockDim, gridDim{1};
+constexpr Index blockIdx{0};
 
 #ifdef BY_THREADS
 
@@ -143,6 +144,7 @@ struct Warp {
   unsigned votes[kWarpSize];
 };
 std::unique_ptr<Barrier> block;
+std::unique_ptr<Barrier> named[2][3];  // By number of threads, half or all, and name.
 std::vector<std::unique_ptr<Group>> groups;
 std::vector<std::unique_ptr<Warp>> warps;
 
@@ -150,6 +152,10 @@ Group& Own() { return *groups[threadIdx.x / kGroup]; }
 Warp& OwnWarp() { return *warps[threadIdx.x / kWarpSize]; }
 
 void __syncthreads() { block->arrive_and_wait(); }
+void __barrier_sync_count(int name, int threads) {
+  named[threads == static_cast<int>(blockDim.x)][name]->arrive_and_wait();
+}
+long long clock64() { return 0; }
 void __syncwarp() { OwnWarp().barrier.arrive_and_wait(); }
 void __syncwarp(unsigned) { Own().barrier.arrive_and_wait(); }  // Of eight threads.
 
@@ -230,23 +236,35 @@ float4 make_float4(float x, float y, float z, float w) { return {x, y, z, w}; }
 
 }  // namespace
 
+#define __device__
+#include "batch/queue.h"
 #include "cloth/batch/one.h"
 #include "fluid/batch/one.h"
 #include "rendering/batch/draw.h"
 
 namespace {
 
+void Prepare(int threads) {
+  block = std::make_unique<Barrier>(threads);
+  for (int all = 0; all < 2; ++all) {
+    for (auto& barrier : named[all]) barrier = std::make_unique<Barrier>(all ? threads : threads / 2);
+  }
+  groups.clear();
+  for (int g = 0; g < threads / kGroup; ++g) groups.push_back(std::make_unique<Group>());
+  warps.clear();
+  for (int first = 0; first < threads; first += kWarpSize) {
+    warps.push_back(std::make_unique<Warp>(std::min(kWarpSize, threads - first)));
+  }
+#ifdef SGM_HALVES
+  softgym_mj::group_threads = threads;
+#endif
+}
+
 template <class Batch, class F>
 void Emulate(const Batch& batch, int threads, F step) {
   blockDim.x = threads;
   for (int i = 0; i < batch.num_envs; ++i) {
-    block = std::make_unique<Barrier>(threads);
-    groups.clear();
-    for (int g = 0; g < threads / kGroup; ++g) groups.push_back(std::make_unique<Group>());
-    warps.clear();
-    for (int first = 0; first < threads; first += kWarpSize) {
-      warps.push_back(std::make_unique<Warp>(std::min(kWarpSize, threads - first)));
-    }
+    Prepare(threads);
     InTurns(threads, [&] { step(batch, i); });
   }
 }
@@ -258,7 +276,16 @@ extern "C" void softgym_mj_cloth_batch_step(const softgym_mj::cloth::Batch* batc
   Emulate(*batch, turns, [](const auto& b, int i) { softgym_mj::cloth::StepEnvironmentOf(b, i, 0); });
 }
 extern "C" void softgym_mj_fluid_batch_step(const softgym_mj::fluid::Batch* batch, int, int turns) {
+#ifdef SGM_HALVES
+  // A whole block steps the first environment.
+  blockDim.x = turns;
+  Prepare(turns);
+  const auto is_large = [](int i) { return i == 0; };
+  const auto step = [&](int i, int slot) { softgym_mj::fluid::StepEnvironmentOf(*batch, i, slot); };
+  InTurns(turns, [&] { softgym_mj::EachEnvironmentInHalves(*batch, is_large, step); });
+#else
   Emulate(*batch, turns, [](const auto& b, int i) { softgym_mj::fluid::StepEnvironmentOf(b, i, 0); });
+#endif
 }
 extern "C" void softgym_mj_pictures_batch_step(const softgym_mj::pictures::Batch* batch, int, int turns) {
   Emulate(*batch, turns, [](const auto& b, int i) { softgym_mj::pictures::DrawEnvironment(b, i, 0); });

@@ -31,6 +31,9 @@ class _Emulated(CpuDevice):
         super().__init__()
         self._library, self._block = ctypes.CDLL(str(file)), threads
 
+    def max_slots(self, kind, size):
+        return 2  # Each half of a block steps an environment.
+
     def step(self, kind, batch, num_envs, size, variant=""):
         step = getattr(self._library, f"softgym_mj_{kind}_batch_step")
         step(ctypes.c_void_p(self.address(batch)), 1, self._block)
@@ -53,6 +56,17 @@ def step_and_check(file, task, variation, steps):
         solver.step(*(array[None] for array in arrays))
         followed.check(solver, 0)
     assert solver.flags[0] == 0
+
+
+def halves_and_check(file, task, variations, steps):
+    """Makes sim steps of several environments by a block, which halves of it share."""
+    followed = [water._Followed(task, variation) for variation in variations]
+    solver = water._solver(followed, _Emulated(file, 2 * THREADS))
+    for told in itertools.islice(zip(*(each.steps(1) for each in followed), strict=True), steps):
+        water._step(solver, *told)
+        for i, each in enumerate(followed):
+            each.check(solver, i)
+    assert not solver.flags.any()
 
 
 def push_and_check(file, steps, threads=THREADS):

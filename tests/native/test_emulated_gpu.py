@@ -13,6 +13,7 @@ import pytest
 from softgym_mj.native.caches import cache_folder
 from tests.native.emulated_steps import (
     draw_and_check,
+    halves_and_check,
     lie_and_check,
     push_and_check,
     step_and_check,
@@ -59,6 +60,11 @@ def _emulated():
 @pytest.mark.parametrize(("task", "variation"), CASES)
 def test_a_block_makes_the_steps_of_the_plugin(emulated, task, variation):
     step_and_check(emulated, task, variation, OF_WATER if "water" in task else STEPS)
+
+
+def test_halves_of_a_block_make_the_steps_of_the_plugin():
+    file = _compile("-O1", "-DSGM_SOLIDS=0", "-DSGM_HALVES", "-DSGM_THREADS=32")
+    halves_and_check(file, "transport_water", (806, 810, 803, 801), OF_WATER)
 
 
 @pytest.mark.parametrize("threads", [pytest.param(16, marks=pytest.mark.long), 128])

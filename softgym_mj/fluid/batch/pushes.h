@@ -106,7 +106,8 @@ inline void AddTouching(const Environment& w, int wall, const double center[3], 
 inline void HandOver(const Environment& w) {
   const Model& m = *w.model;
   if (!kPushes || m.num_pushed == 0) return;
-  SGM_SHARED double inertia[2], center[3];
+  SGM_SHARED double inertias[kGroups][2], centers[kGroups][3];
+  double *inertia = inertias[Group()], *center = centers[Group()];
   for (int first = 0, last; first < m.num_walls; first = last) {
     const int body = m.walls[first].body;
     for (last = first; last < m.num_walls && m.walls[last].body == body; ++last) {

@@ -5,6 +5,10 @@
 
 extern "C" __global__ void __launch_bounds__(SGM_THREADS, SGM_BLOCKS)
     Step(const softgym_mj::fluid::Batch* batch, long long) {
-  softgym_mj::EachEnvironment(
-      *batch, [&](int env_index, int slot) { softgym_mj::fluid::StepEnvironmentOf(*batch, env_index, slot); });
+  using namespace softgym_mj::fluid;
+  const auto is_large = [&](int env_index) {
+    return IsLarge(reinterpret_cast<const Model*>(batch->models[env_index]), batch->num_envs);
+  };
+  softgym_mj::EachEnvironmentInHalves(
+      *batch, is_large, [&](int env_index, int slot) { StepEnvironmentOf(*batch, env_index, slot); });
 }
