@@ -21,6 +21,9 @@ using Key = unsigned long long;
 // A function that is not inlined: a program is faster when its loops fit into the instruction cache.
 #define SGM_APART __noinline__
 
+// Before a loop that should read ahead.
+#define SGM_UNROLLED _Pragma("unroll 16")
+
 #ifndef SGM_HALVES
 constexpr int kGroups = 1;  // Groups of a block.
 inline int Group() { return 0; }
@@ -135,6 +138,8 @@ inline void InTurns(int first, int end, F f) {
   }
 }
 
+#define SGM_UNROLLED
+
 inline void Wait() {}
 template <class F>
 inline void Each(int count, F f) {
@@ -225,22 +230,24 @@ constexpr int kMostThreads = 1024;  // Largest group.
 
 // Replaces `count` numbers by their inclusive prefix sums. `partial`: memory for one number per thread.
 inline void SumUp(int* a, int count, int* partial) {
+  constexpr int kPart = 32;  // Threads whose sums are summed by one.
+  SGM_SHARED int of_parts[kGroups][kMostThreads / kPart];
+  int* const parts = of_parts[Group()];
   const int threads = Threads(), own = Thread();
   const int share = (count + threads - 1) / threads, first = own * share;
   int sum = 0;
   for (int i = first; i < first + share && i < count; ++i) sum += a[i];
   partial[own] = sum;
   Wait();
-  if (own == 0) {
-    int before = 0;
-    for (int t = 0; t < threads; ++t) {
-      const int of_thread = partial[t];
-      partial[t] = before;
-      before += of_thread;
-    }
+  sum = 0;
+  if (kPart * own < threads) {
+    for (int t = kPart * own; t < kPart * (own + 1) && t < threads; ++t) sum += partial[t];
+    parts[own] = sum;
   }
   Wait();
-  sum = partial[own];
+  sum = 0;
+  for (int part = 0; part < own / kPart; ++part) sum += parts[part];
+  for (int t = own / kPart * kPart; t < own; ++t) sum += partial[t];
   for (int i = first; i < first + share && i < count; ++i) a[i] = sum += a[i];
   Wait();
 }

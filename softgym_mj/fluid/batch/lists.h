@@ -39,13 +39,15 @@ template <class T, class F>
 inline void SumAll(const Environment& w, F number) {
   const int count = w.model->count, shares = (count + kShare - 1) / kShare;
   Each(3 * shares, [&](int j) {
-    const int first = j / 3 * kShare, k = j % 3;
+    const int first = j / 3 * kShare, end = first + kShare < count ? first + kShare : count, k = j % 3;
     T sum = 0;
-    for (int i = first; i < first + kShare && i < count; ++i) sum += number(i, k);
+    SGM_UNROLLED
+    for (int i = first; i < end; ++i) sum += number(i, k);
     w.sums[j] = sum;
   });
   Each(3, [&](int k) {
     T sum = 0;
+    SGM_UNROLLED
     for (int j = k; j < 3 * shares; j += 3) sum += static_cast<T>(w.sums[j]);
     w.step->sum[k] = sum;
   });
