@@ -8,6 +8,7 @@
 namespace softgym_mj::fluid {
 
 constexpr int kMostWalls = 32;
+constexpr int kMostParticles = 65'535;  // Indices in lists have 16 bits; one stands for padding.
 
 // Whether the water may push walls; a kernel without is faster.
 #ifndef SGM_PUSHES

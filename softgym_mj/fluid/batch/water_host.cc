@@ -44,6 +44,7 @@ std::string Write(const mjModel* m, const mjData* d, const std::vector<int>& bod
   if (error.empty()) error = CollectWalls(m, instance, config, &walls);
   if (!error.empty()) return error;
   if (config.flexes) return "expected water without flexes.";
+  if (config.count > kMostParticles) return "expected at most " + std::to_string(kMostParticles) + " particles.";
   if (walls.size() > kMostWalls) return "expected at most " + std::to_string(kMostWalls) + " walls.";
   const double timestep = m->opt.timestep;
   *model = {};
