@@ -274,15 +274,16 @@ inline bool ListsExpired(const Environment& w) {
       Add(&step->repeated, 1);
     }
   });
-  Once([&] {
-    const float second = step->repeated > 1 ? step->first : step->second, first = std::sqrt(step->first);
-    step->expired = first + std::sqrt(second) > kListSkin * m.fluid.spacing;
-    for (int wall = 0; wall < m.num_walls && !step->expired; ++wall) {
+  Each(m.num_walls + 1, [&](int wall) {
+    float other, skin = kWallSkin;
+    if (wall < m.num_walls) {
       const BatchWall& own = m.walls[wall];
-      const float moved =
-          WallMotion(own.shape, own.size, step->wall_end + 12 * wall, step->wall_built + 12 * wall, step->mean);
-      step->expired = first + moved > kWallSkin * m.fluid.spacing;
+      other = WallMotion(own.shape, own.size, step->wall_end + 12 * wall, step->wall_built + 12 * wall, step->mean);
+    } else {
+      other = std::sqrt(step->repeated > 1 ? step->first : step->second);
+      skin = kListSkin;
     }
+    if (std::sqrt(step->first) + other > skin * m.fluid.spacing) SetBits(&step->expired, 1);
   });
   return step->expired;
 }
