@@ -6,6 +6,7 @@
 #include "fluid/batch/environment.h"
 #include "fluid/batch/lists.h"
 #include "fluid/batch/pushes.h"
+#include "fluid/batch/separate.h"
 #include "fluid/plugin/sweep.h"
 #include "native/rotation.h"
 
