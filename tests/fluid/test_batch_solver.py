@@ -7,6 +7,7 @@ import pytest
 import softgym_mj
 from softgym_mj.batch.device import CpuDevice
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError
+from softgym_mj.fluid import load_plugin
 from softgym_mj.fluid.batch_solver import NOT_FINITE, TOO_MANY_NEIGHBORS, FluidBatchSolver, describe
 
 HELD_FLOOR = 1  # The floor of a cup in a hand is the second wall, without an offset.
@@ -164,6 +165,21 @@ def test_what_goes_wrong_in_an_environment_changes_no_other():
     assert solver.flags[0] & NOT_FINITE
     assert solver.flags[1] == 0
     assert solver.flags[2] & TOO_MANY_NEIGHBORS
+
+
+_LAKE = """<mujoco>
+  <extension><plugin plugin="softgym_mj.fluid"><instance name="water">
+    <config key="count" value="65536"/> <config key="columns" value="256 256"/>
+  </instance></plugin></extension>
+  <worldbody><body mocap="true"><geom size="1"/><plugin instance="water"/></body></worldbody>
+</mujoco>"""
+
+
+def test_more_particles_than_lists_can_name_are_refused():
+    load_plugin()
+    lake = mujoco.MjModel.from_xml_string(_LAKE)
+    with pytest.raises(InvalidArgumentError, match="at most 65535 particles"):
+        describe(lake, [])
 
 
 def test_what_does_not_fit_is_refused():
