@@ -41,7 +41,8 @@ VARIATIONS = {
     "straighten_rope-sac": 979, "fold_cloth-sac": 805,
     "straighten_rope-distill": 979, "fold_cloth-distill": 805,
     "straighten_rope-distill_rgb": 999, "straighten_rope-teacher_student": 995,
-    "route_cable-sac": 914,
+    "route_cable-sac": 914, "straighten_rope-franka-sac": 803,
+    "straighten_rope-franka-distill": 917, "fold_cloth-franka-sac": 861,
 }  # fmt: skip
 
 
