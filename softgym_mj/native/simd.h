@@ -323,28 +323,6 @@ inline void Store4(float* p, float x, float y, float z, float w) { p[0] = x, p[1
 inline void WaitLanes() {}
 #endif
 
-// `Sqrt(a)`, and `a / b` also for a = 0, of numbers between 2^-60 and 2^60. They have the bits of these: on a GPU they
-// are what the compiler makes of them for such numbers, without its branch for others, for which loops are not unrolled
-// and which a dividend of 0 takes.
-#ifdef __CUDACC_RTC__
-inline Lanes SqrtOfModerate(Lanes a) {
-  float inverse;
-  asm("rsqrt.approx.ftz.f32 %0, %1;" : "=f"(inverse) : "f"(a.v));
-  const float root = __fmul_rn(a.v, inverse);
-  return Lanes(__fmaf_rn(__fmaf_rn(-root, root, a.v), __fmul_rn(inverse, 0.5f), root));
-}
-inline Lanes DivideModerate(Lanes a, Lanes b) {
-  float inverse;
-  asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(inverse) : "f"(b.v));
-  inverse = __fmaf_rn(inverse, __fmaf_rn(inverse, -b.v, 1.0f), inverse);
-  const float quotient = __fmul_rn(a.v, inverse);
-  return Lanes(__fmaf_rn(inverse, __fmaf_rn(quotient, -b.v, a.v), quotient));
-}
-#else
-inline Lanes SqrtOfModerate(Lanes a) { return Sqrt(a); }
-inline Lanes DivideModerate(Lanes a, Lanes b) { return a / b; }
-#endif
-
 #ifdef SGM_AVX2
 inline void Sums(Lanes a, Lanes b, Lanes c, float out[4]) { Sums(a, b, c, c, out); }
 #else
@@ -367,17 +345,6 @@ inline bool Less(float a, float b) { return a < b; }
 inline bool LessEqual(float a, float b) { return a <= b; }
 inline bool Equal(float a, float b) { return a == b; }
 inline float Select(bool mask, float a, float b) { return mask ? a : b; }
-
-// a / b for a >= 0 and b > 0 where a is often 0, for which a division takes a GPU several times as long.
-template <class T>
-inline T DivideOften0(T a, T b) {
-#ifdef __CUDACC__
-  const auto positive = Less(T(0.0f), a);
-  return Select(positive, Select(positive, a, T(1.0f)) / b, a);
-#else
-  return a / b;
-#endif
-}
 
 }  // namespace
 }  // namespace softgym_mj

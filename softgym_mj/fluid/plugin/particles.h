@@ -11,6 +11,7 @@
 #define SOFTGYM_MJ_FLUID_PARTICLES_H_
 
 #include "fluid/plugin/kernels.h"
+#include "native/divide.h"
 #include "native/shapes.h"
 
 namespace softgym_mj {
