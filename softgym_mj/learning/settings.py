@@ -15,7 +15,7 @@ OBSERVATIONS = ("reduced", "markov", "key_points", "full", "rgb")
 # Arguments of a task that trainings set, by the setting that sets them.
 _OWN = {
     "observation": "observation", "image_size": "image_size", "horizon": "episode_steps",
-    "actor": "actor",     "split": "none: they learn from the training split",
+    "actor": "actor", "split": "none: they learn from the training split",
 }  # fmt: skip
 
 
