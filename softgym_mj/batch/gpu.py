@@ -27,8 +27,8 @@ KERNELS: dict[str, tuple[str, str, Mapping[str, str]]] = {
     "cloth": ("cloth", "cloth/batch/step.cu", {"SGM_SOLIDS": "0"}),
     f"cloth{SOLIDS}": ("cloth", "cloth/batch/step.cu", {"SGM_GRIDS": "0"}),
     f"cloth{GRIDS}": ("cloth", "cloth/batch/step.cu", {}),
-    "fluid": ("fluid", "fluid/batch/step.cu", {"SGM_HALVES": "1", "SGM_PUSHES": "0"}),
-    f"fluid{PUSHES}": ("fluid", "fluid/batch/step.cu", {"SGM_HALVES": "1"}),
+    "fluid": ("fluid", "fluid/batch/step.cu", {"SGM_PUSHES": "0"}),
+    f"fluid{PUSHES}": ("fluid", "fluid/batch/step.cu", {}),
     "measures": ("batch", "batch/measures.cu", {}),
     "pictures": ("rendering", "rendering/batch/draw.cu", {}),
 }
@@ -77,8 +77,10 @@ def compiled(name: str, architecture: str) -> bytes:
     """
     check_name("name", name, KERNELS)
     core, (room, file, own) = _core(), KERNELS[name]
-    threads, blocks = BLOCKS[name.partition("_")[0]]
+    kind = name.partition("_")[0]
+    threads, blocks = BLOCKS[kind]
     macros = [("SGM_THREADS", str(threads)), ("SGM_BLOCKS", str(blocks)), *own.items()]
+    macros += [("SGM_HALVES", "1")] * (kind in HALVED)
     settings = {**_OPTIONS, "define_macro": macros}
     key = hashlib.sha256(f"{_source(room, file)}{settings}".encode()).hexdigest()[:16]
     check_name("architecture", architecture, _architectures())
