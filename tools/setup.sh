@@ -3,8 +3,8 @@
 # OpenGL libraries come from apt when this runs as root; otherwise it says what to run.
 set -eu
 
-if ! "$PYTHON" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' 2>/dev/null; then
-    echo "error: '$PYTHON' is not Python 3.11, 3.12 or 3.13; run: make PYTHON=/path/to/python3.11" >&2
+if ! "$PYTHON" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 15))' 2>/dev/null; then
+    echo "error: '$PYTHON' is not Python 3.11 to 3.14; run: make PYTHON=/path/to/python3.11" >&2
     exit 1
 fi
 
@@ -29,7 +29,7 @@ fi
 "$PYTHON" -m venv "$VENV"
 "$VENV/bin/python" -m pip install --quiet --upgrade pip
 "$VENV/bin/python" -m pip install --quiet --editable .
-# Python 3.13 has no wheels of labmaze, which only the locomotion tasks of dm_control need.
+# Python 3.13 and 3.14 have no wheels of labmaze, which only the locomotion tasks of dm_control need.
 if "$VENV/bin/python" -c 'import sys; sys.exit(sys.version_info < (3, 13))'; then
     "$VENV/bin/python" -m pip install --quiet --no-deps 'dm-control>=1.0.50,<1.1'
 fi

@@ -60,7 +60,7 @@ def test_the_image_is_made_of_what_is_there():
 def test_all_say_the_same_of_python():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     listed = [text.split()[-1] for text in project["classifiers"] if "Python ::" in text]
-    tested, last = listed[:2], listed[-1]  # The last has no wheels of labmaze.
+    tested, last = listed[:2], listed[-1]  # The others have no wheels of labmaze.
     above = f"{last.split('.')[0]}.{int(last.split('.')[1]) + 1}"
     assert project["requires-python"] == f">={listed[0]},<{above}"
     workflows = {path.stem: yaml.safe_load(path.read_text()) for path in WORKFLOWS}
@@ -76,9 +76,10 @@ def test_all_say_the_same_of_python():
     assert f"Python {' or '.join(tested)}" in (ROOT / "README.md").read_text()
 
 
-def test_python_without_labmaze_gets_all_else_that_dm_control_needs():
+@pytest.mark.parametrize("version", ["3.13", "3.14"])
+def test_python_without_labmaze_gets_all_else_that_dm_control_needs(version):
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    above = {"python_version": "3.13", "extra": ""}
+    above = {"python_version": version, "extra": ""}
 
     def needed(lines):
         requirements = [Requirement(line) for line in lines]
