@@ -6,7 +6,8 @@ COPY . /source
 RUN pip wheel --no-cache-dir --no-deps --wheel-dir /wheel /source
 
 FROM python:3.12-slim
-RUN apt-get update && apt-get install -y --no-install-recommends libegl1 libgl1-mesa-dri \
+RUN apt-get update && apt-get install -y --no-install-recommends \
+        libegl1 libgl1-mesa-dri libopengl0 \
     && rm -rf /var/lib/apt/lists/*
 # Cloth and rope are single-threaded; without it every worker starts a thread per core.
 ENV MUJOCO_GL=egl OMP_NUM_THREADS=1

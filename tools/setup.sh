@@ -10,7 +10,7 @@ fi
 
 packages=""
 if command -v dpkg >/dev/null; then
-    for package in libegl1 libgl1-mesa-dri; do
+    for package in libegl1 libgl1-mesa-dri libopengl0; do
         dpkg -s "$package" >/dev/null 2>&1 || packages="$packages $package"
     done
 fi

@@ -34,7 +34,8 @@ _CRF = 10  # H.264 quality of videos, 51 (worst) to 0; at 10 no blocks are visib
 _PRESET = "veryfast"  # Half the time of the default, for 0.8 dB less at 46 dB.
 _BLOCK = 8  # Sides of videos are multiples of this [pixels]; others are scaled to the next one.
 _LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa"}  # Values of MUJOCO_GL by preference.
-_PACKAGES = {"egl": "libegl1 libgl1-mesa-dri", "osmesa": "libosmesa6"}  # Their Debian packages.
+# Their Debian packages.
+_PACKAGES = {"egl": "libegl1 libgl1-mesa-dri libopengl0", "osmesa": "libosmesa6"}
 SHOWN_SITES = 3  # Groups of sites below this number are rendered, as by MuJoCo's defaults.
 GLASS_GROUP = 1  # Group of translucent geoms, hidden to show what is behind them.
 
@@ -215,7 +216,13 @@ class CameraView:
                 self._data = data
             self._view.option.sitegroup[:SHOWN_SITES] = self.marks if marks is None else marks
             return draw(self._view)
-        except (RuntimeError, ImportError, OSError, mujoco.FatalError) as error:
+        except (
+            RuntimeError,
+            ImportError,
+            OSError,
+            ctypes.ArgumentError,  # By PyOpenGL, where libOpenGL is missing.
+            mujoco.FatalError,
+        ) as error:
             if _OTHER_THREAD in str(error):
                 raise UnavailableError(
                     "this environment has rendered in another thread, and OpenGL is tied to it: "

@@ -541,7 +541,8 @@ def test_without_opengl():
 
 
 @pytest.mark.parametrize(
-    ("backend", "packages"), [("egl", "libegl1 libgl1-mesa-dri"), ("osmesa", "libosmesa6")]
+    ("backend", "packages"),
+    [("egl", "libegl1 libgl1-mesa-dri libopengl0"), ("osmesa", "libosmesa6")],
 )
 def test_a_missing_opengl_library_is_named(backend, packages):
     code = """
@@ -555,6 +556,27 @@ except ImportError as error:
     said = run(code, MUJOCO_GL=backend)
     assert said.startswith("UnavailableError") and repr(backend) in said
     assert f"`apt-get install -y {packages}`" in said
+
+
+NO_LIBOPENGL = """
+import ctypes, softgym_mj
+opened = ctypes.CDLL.__init__
+def guarded(self, name, *args, **kwargs):
+    if name and any(part in name for part in ("libOpenGL.", "libGL.", "libGLES")):
+        raise OSError(name)
+    opened(self, name, *args, **kwargs)
+ctypes.CDLL.__init__ = guarded
+try:
+    softgym_mj.load("straighten_rope", split=[3], observation="rgb").reset()
+except softgym_mj.exceptions.UnavailableError as error:
+    print(error)
+"""
+
+
+def test_without_libopengl():
+    assert "apt-get install -y libegl1 libgl1-mesa-dri libopengl0`" in run(
+        NO_LIBOPENGL, MUJOCO_GL="egl"
+    )
 
 
 SLOW_MODULES = ("torch", "mink", "matplotlib", "OpenGL", "glfw")

@@ -52,7 +52,7 @@ def test_the_image_is_made_of_what_is_there():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     assert {project["readme"], *project["license-files"], "pyproject.toml"} <= set(kept)
     image = (ROOT / "Dockerfile").read_text()
-    libraries = "libegl1 libgl1-mesa-dri"
+    libraries = "libegl1 libgl1-mesa-dri libopengl0"
     assert libraries in image and libraries in (ROOT / "tools" / "setup.sh").read_text()
     assert f'["{next(iter(project["scripts"]))}"]' in image
 
