@@ -7,6 +7,7 @@ or PyTorch's; a batch pads different sizes with zeros (`Episode.stack`).
 import dataclasses
 import functools
 import math
+import operator
 from collections.abc import Mapping
 from typing import Any
 
@@ -42,7 +43,8 @@ class Measures:
     @property
     def reward(self) -> Array:
         """Sum of the reward's terms."""
-        return sum(self.rewards.values())
+        # `sum` compensates rounding from Python 3.12 on, for floats and not for arrays.
+        return functools.reduce(operator.add, self.rewards.values(), 0)
 
 
 def namespace(array: Array) -> Any:

@@ -448,3 +448,9 @@ def test_more_points_than_tensors_are_matched_for():
     points = torch.zeros(1, 65, 3)
     with pytest.raises(InvalidArgumentError, match=r"points=65.*at most 64"):
         metrics.matched_distance(points, points)
+
+
+def test_a_reward_of_several_terms_has_the_same_bits_in_a_batch():
+    terms = {"a": 1e16, "b": 1.0, "c": -1e16}  # Rounded after each addition: 0, not 1.
+    batch = {name: np.array([value]) for name, value in terms.items()}
+    assert metrics.Measures(0.0, terms).reward == metrics.Measures(0.0, batch).reward[0] == 0.0
