@@ -52,7 +52,7 @@ class SpreadCloth(CrumpledClothExpert):
                 laid = _fitted(flat[:, :2], vertices[:, :2], 1.0 / (0.02 + residual))
                 placed = np.column_stack([laid, flat[:, 2]])
                 residual = np.linalg.norm(placed - vertices, axis=1)
-            fits.append((sum(map(math.log, 0.02 + residual)), placed))
+            fits.append((math.fsum(map(math.log, 0.02 + residual)), placed))
         return min(fits, key=lambda fit: fit[0])[1]
 
     def _lay(self, grips: list[bool]) -> Iterator[np.ndarray]:
