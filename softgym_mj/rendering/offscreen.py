@@ -223,6 +223,8 @@ class CameraView:
             ctypes.ArgumentError,  # By PyOpenGL, where libOpenGL is missing.
             mujoco.FatalError,
         ) as error:
+            if "KeyboardInterrupt" in str(error):  # ctypes turns it into ArgumentError.
+                raise
             if _OTHER_THREAD in str(error):
                 raise UnavailableError(
                     "this environment has rendered in another thread, and OpenGL is tied to it: "

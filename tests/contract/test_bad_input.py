@@ -1,5 +1,6 @@
 """Bad input gives typed errors that say what would have worked, and changes nothing."""
 
+import ctypes
 import dataclasses
 import inspect
 import os
@@ -577,6 +578,16 @@ def test_without_libopengl():
     assert "apt-get install -y libegl1 libgl1-mesa-dri libopengl0`" in run(
         NO_LIBOPENGL, MUJOCO_GL="egl"
     )
+
+
+def test_ctrl_c_within_opengl_is_no_missing_library(monkeypatch):
+    def interrupted(*_, **__):
+        raise ctypes.ArgumentError("argument 1: KeyboardInterrupt: ")
+
+    env = softgym_mj.load(ROPE, split=[3], observation="rgb")
+    monkeypatch.setattr("softgym_mj.rendering.drawing.SceneCamera", interrupted)
+    with pytest.raises(ctypes.ArgumentError):
+        env.reset()
 
 
 SLOW_MODULES = ("torch", "mink", "matplotlib", "OpenGL", "glfw")
