@@ -3,10 +3,13 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from softgym_mj.metrics import Array, namespace
+from softgym_mj.metrics import Array, lengths, namespace
 from softgym_mj.robots.gripper import MAX_DISPLACEMENT
 
 STRIDE = 8 * MAX_DISPLACEMENT  # [m] Displacement in an env step of 8 sim steps at full speed.
+# A picker descends in a funnel, with a radius at the bottom [m] and a slope, and moves across less
+# the deeper it is below the funnel, down to this depth [m].
+NARROW, SLOPE, BELOW = 0.01, 1.5, 0.04
 
 
 class Motion(NamedTuple):
@@ -41,3 +44,21 @@ def actions(centers: Array, motions: Sequence[Motion]) -> Array:
 def at(across: Array, height: Array) -> Array:
     """Returns points (..., 3) [m] of horizontal positions (..., 2) and heights (...) [m]."""
     return namespace(across).concat([across, height[..., None]], axis=-1)
+
+
+def funnel(center: Array, end: Array, high: float) -> Array:
+    """Returns the goal (..., 3) [m] of a picker that moves over a position and down to it.
+
+    Nothing changes abruptly, because averages of abrupt changes would stop those who imitate it.
+
+    Args:
+        center: position of the picker (..., 3) [m].
+        end: position at which the motion ends (..., 3) [m].
+        high: height far from it [m].
+    """
+    xp = namespace(center)
+    outside = xp.clip(lengths((end - center)[..., :2]) - NARROW, 0.0, None)
+    level = xp.clip(end[..., 2] + SLOPE * outside, None, high)
+    share = xp.clip(1.0 - (level - center[..., 2]) / BELOW, 0.0, 1.0)
+    across = center[..., :2] + share[..., None] * (end - center)[..., :2]
+    return at(across, level)

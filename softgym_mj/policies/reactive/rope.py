@@ -4,7 +4,7 @@ from array_api_compat import device
 
 from softgym_mj.metrics import Array, constant, lengths, namespace, taken
 from softgym_mj.policies.reactive.hands import Hands, found_hands, point_at
-from softgym_mj.policies.reactive.motions import Motion, actions, at
+from softgym_mj.policies.reactive.motions import Motion, actions, at, funnel
 
 # Heights of a picker's center [m]: on the way to a point, with a point, and where it is released.
 TRAVEL, CARRY, LAID = 0.1, 0.07, 0.045
@@ -12,9 +12,6 @@ ABOVE = 0.03  # [m] Height over a point at which it is grasped.
 GOOD = 0.02  # [m] Error up to which a point is not moved.
 ARRIVED = 0.015  # [m] Distance from its place at which a point is released.
 READY = 0.018  # [m] Distance from a grasp along every axis at which a picker closes.
-# A picker descends in a funnel, with a radius at the bottom [m] and a slope, and moves across less
-# the deeper it is below the funnel, down to this depth [m].
-NARROW, SLOPE, BELOW = 0.01, 1.5, 0.04
 PUTTING = 0.4  # Fraction of full speed at which points are carried.
 ROOM = 0.05  # [m] Minimum distance of two points that are moved at once, and of their places.
 BESIDE = 2  # Largest difference of the indices of a point and the one nearest to its grasp.
@@ -106,7 +103,7 @@ def _carried(points: Array, places: Array, pickers: Hands, i: int) -> Motion:
     there = _across(place, center) <= ARRIVED
     done = there & (height <= LAID + 0.005)
     laid = at(place[..., :2], xp.full_like(height, LAID))
-    goal = xp.where(done[..., None], center, _funnel(center, laid, CARRY))
+    goal = xp.where(done[..., None], center, funnel(center, laid, CARRY))
     closed = ~done
     if i == 1:  # It gives way to the other one.
         way = pickers.centers[..., 0, :] - center
@@ -131,27 +128,9 @@ def _fetched(points: Array, target: Array, exists: Array, pickers: Hands, i: int
     away = center + (KEEP / xp.maximum(gap, xp.full_like(gap, 1e-3)))[..., None] * between
     rest = xp.where(is_close[..., None], away, center)[..., :2]
     rest = at(rest, xp.full_like(height, TRAVEL))
-    goal = xp.where(closes[..., None], center, _funnel(center, grasp, TRAVEL))
+    goal = xp.where(closes[..., None], center, funnel(center, grasp, TRAVEL))
     goal = xp.where(exists[..., None], goal, rest)
     return Motion(goal, closes, xp.ones_like(height))
-
-
-def _funnel(center: Array, end: Array, high: float) -> Array:
-    """Returns the goal (..., 3) [m] of a picker that moves over a position and down to it.
-
-    Nothing changes abruptly, because averages of abrupt changes would stop those who imitate it.
-
-    Args:
-        center: position of the picker (..., 3) [m].
-        end: position at which the motion ends (..., 3) [m].
-        high: height far from it [m].
-    """
-    xp = namespace(center)
-    outside = xp.clip(_across(end, center) - NARROW, 0.0, None)
-    level = xp.clip(end[..., 2] + SLOPE * outside, None, high)
-    share = xp.clip(1.0 - (level - center[..., 2]) / BELOW, 0.0, 1.0)
-    across = center[..., :2] + share[..., None] * (end - center)[..., :2]
-    return at(across, level)
 
 
 def _grasp(points: Array) -> Array:
