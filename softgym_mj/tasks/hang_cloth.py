@@ -44,9 +44,9 @@ class HangCloth(Task):
     picker 1 (x, y, z each): 21 entries [m]. `OBSERVATIONS` of `tasks.shared.observations` lists the
     others.
     Reward = p + (1 - p) a / 2. Performance p: twice the share of the towel that hangs on the side
-    of the bar where less of it hangs; cloth on the floor or above the bar does not count. Approach
-    a = 1 - |u| / |u at the start|: u is the mean distance of the towel from the top of the bar,
-    which is negative except beyond the bar if the towel passes over it.
+    of the bar where less of it hangs; cloth on the floor, above the bar or not between the posts
+    does not count. Approach a = 1 - |u| / |u at the start|: u is the mean distance of the towel
+    from the top of the bar, which is negative except beyond the bar if the towel passes over it.
     Bounds: lower = 0 (the start), upper = 1 (both halves hang).
     Horizon: 100 env steps of 8 sim steps; nothing else ends an episode.
     Start: the towel, 0.36 to 0.5 m by 0.24 to 0.34 m, lies flat beside the bar, rotated by up to 10
@@ -146,11 +146,13 @@ class Across(NamedTuple):
     Attributes:
         aside: X (..., n) from the bar [m].
         height: Z (..., n) [m].
+        between: whether a particle is between the posts (..., n).
         counts: weights (..., n).
     """
 
     aside: Array
     height: Array
+    between: Array
     counts: Array
 
 
@@ -163,25 +165,26 @@ def across(shape: Mapping[str, Array], points: Array, bar: Array) -> Across:
     """
     sheet = metrics.particles(shape, points)
     aside = metrics.flat(sheet[..., 0]) - bar[..., 0, None]
-    return Across(aside, metrics.flat(sheet[..., 2]), metrics.particle_counts(shape))
+    between = abs(metrics.flat(sheet[..., 1])) < HALF_LENGTH
+    return Across(aside, metrics.flat(sheet[..., 2]), between, metrics.particle_counts(shape))
 
 
 def hanging(particles: Across, bar: Array) -> tuple[Array, Array]:
     """Returns the shares (...) of a cloth that hang on the sides of a bar along Y: -X and +X.
 
-    A particle hangs if it is clear of the floor and not above the bar; on top of the bar it counts
-    half on each side. Both shares are 0 unless a particle lies on the bar.
+    A particle hangs if it is between the posts, clear of the floor and not above the bar; on top of
+    the bar it counts half on each side. Both shares are 0 unless a particle lies on the bar.
 
     Args:
         particles: of the cloth.
         bar: (..., 3) X, Z and radius [m].
     """
-    aside, height, counts = particles
+    aside, height, between, counts = particles
     z, radius, xp = bar[..., 1, None], bar[..., 2, None], metrics.namespace(height)
     top = z + radius + MARGIN
-    lies = (xp.abs(aside) < radius) & (height > z) & (height < top) & (counts > 0.0)
+    lies = (xp.abs(aside) < radius) & (height > z) & (height < top) & between & (counts > 0.0)
     lies = xp.astype(xp.any(lies, axis=-1), xp.float64)
-    hangs = xp.clip((height - RESTING) / (CLEAR - RESTING), 0.0, 1.0) * (height < top)
+    hangs = xp.clip((height - RESTING) / (CLEAR - RESTING), 0.0, 1.0) * ((height < top) & between)
     side = xp.clip(0.5 + aside / (2 * MARGIN), 0.0, 1.0)
     near, far = (metrics.mean(hangs * part, counts) for part in (1.0 - side, side))
     return lies * near, lies * far
@@ -197,9 +200,9 @@ def passage(particles: Across, bar: Array) -> Array:
     Args:
         particles, bar: as in `hanging`.
     """
-    aside, height, counts = particles
+    aside, height, between, counts = particles
     z, radius, xp = bar[..., 1, None], bar[..., 2, None], metrics.namespace(height)
-    over = (xp.abs(aside) < radius) & (height > z) & (counts > 0.0)
+    over = (xp.abs(aside) < radius) & (height > z) & between & (counts > 0.0)
     beyond = (aside > 0.0) & xp.any(over, axis=-1)[..., None]
     distances = xp.sqrt(aside**2 + (height - z - radius) ** 2)
     return metrics.mean(xp.where(beyond, distances, -distances), counts)

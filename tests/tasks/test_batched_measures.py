@@ -83,7 +83,7 @@ def measured(task, state: State, episode: Episode) -> dict[str, Any]:
 def test_a_batch_is_measured_as_its_members(task):
     task, states, episodes = samples(task)
     singles = [measured(task, *pair) for pair in zip(states, episodes, strict=True)]
-    assert len({single["performance"] for single in singles}) > 8  # Not all the same.
+    assert len({single["performance"] for single in singles}) >= 8  # Not all the same.
     state, episode = State.stack(states), Episode.stack(episodes)
     batches = {
         "numpy": (state, episode),

@@ -14,6 +14,7 @@ from softgym_mj.tasks.hang_cloth import (
     BARS,
     CLEAR,
     FRICTION,
+    HALF_LENGTH,
     RESTING,
     HangCloth,
     across,
@@ -87,7 +88,7 @@ def test_the_passage_is_the_mean_signed_distance_from_the_top_of_the_bar(env):
         ([near, near, near, near, above], (-4 * 0.5 + top) / 5),
     ):
         along, height = np.array(places * 2).T
-        points = np.column_stack([x + along, np.repeat([-1.0, 1.0], columns), z + radius + height])
+        points = np.column_stack([x + along, np.repeat([-0.2, 0.2], columns), z + radius + height])
         assert passage(across(shape, points, bar), bar) == pytest.approx(expected, abs=1e-12)
     for share in (0.2, 0.5, 0.65):
         # Distances grow evenly on both sides; chords of the bar are up to 1 cm shorter than arcs.
@@ -153,8 +154,15 @@ def test_cloths_that_do_not_hang_over_the_bar_score_nothing(env):
     beside = draped(env, 0.5) + [0.0, 0.0, -2 * radius - 0.03]  # Held in the air, below the bar.
     above = flat + [x, 0.0, z + 0.1]
     one_side = draped(env, 0.5) + [2 * radius + 0.02, 0.0, 0.0]
-    for points in (floor, beside, above, one_side):
+    aside = draped(env, 0.5) + [0.0, 0.6, 0.0]  # Held in the air, beyond a post.
+    for points in (floor, beside, above, one_side, aside):
         assert score(env, points).performance == 0.0
+
+
+def test_only_cloth_between_the_posts_hangs(env):
+    # Its flat width is cut in halves by a post.
+    points = draped(env, 0.5) + [0.0, HALF_LENGTH, 0.0]
+    assert score(env, points).performance == pytest.approx(0.5, abs=0.03)
 
 
 def test_doing_nothing_scores_nothing(env):
