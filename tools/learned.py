@@ -25,13 +25,12 @@ FIGURE = RESULTS / "curves.png"
 _WIDTH, _HEIGHT, _LINE, _DPI = 8.4, 2.6, 0.2, 150  # Figure, panels, legends' lines [inches].
 # Results of start states that have been replaced since: (task, method, preset, observation).
 STALE = {
-    ("straighten_rope", "sac", "fast", "reduced"),
     ("straighten_rope", "sac", "night", "markov"), ("straighten_rope", "cem", "paper", "simulator"),
     *((task, "cem", "small", "simulator") for task in
       ("straighten_rope", "rope_configuration", "spread_cloth", "fold_crumpled_cloth")),
 }  # fmt: skip
 # Titles of methods whose names are no abbreviations.
-_TITLES = {"teacher_student": "teacher and student", "distill": "distillation"}
+_TITLES = {"teacher_student": "teacher and student", "distill": "distillation", "wu": "Wu et al."}
 _KINDS = "policy on states", "on images + proprioception", "on images alone", "CEM"
 _SEEDS = 5  # Number of seeds of a row, unless the overview names another.
 # Colors of methods with their observations: Matplotlib's cycle, with black for its gray, and more.

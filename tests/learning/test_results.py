@@ -182,7 +182,7 @@ def test_the_overview_is_there_once_something_was_learned(monkeypatch):
     head, _, *rows = learned.overview().splitlines()[:4]
     images = "on images + proprioception | on images alone"
     assert head == f"| task | no action | policy on states | {images} | CEM |"
-    best = "0.50 (0.40 to 0.90) \u2020<br>SAC; success 0.40"
+    best = "0.50 (0.40 to 0.90)<br>SAC; success 0.40"
     assert rows == [
         "| `fold_cloth` | 0.25 | | | | 0.90<br>success 1.00 |",
         f"| `straighten_rope` | | {best} | | | |",
