@@ -72,21 +72,20 @@ inline void EachBlock(int first, int end, F f) {
 template <class F>
 inline void EachBlockOf(const int* begin, int parts, F f) {
   constexpr int kThreads = 32, kSmall = kThreads / kLanes;
-  const int thread = Thread();
+  const int thread = Thread(), step = Threads() < kThreads ? Threads() / kLanes : kSmall;
   for (int part = 0; part < parts;) {
-    if (begin[part + 1] - begin[part] > kSmall) {
-      EachBlock(begin[part], begin[part + 1], f);
+    int first = begin[part], end = begin[part + 1];
+    if (end - first > kSmall) {
+      EachBlock(first, end, f);
       ++part;
       continue;
     }
-    int end = part;
-    while (end < parts && begin[end + 1] - begin[end] <= kSmall) ++end;
-    for (; part < end && thread < kThreads; ++part) {
-      const int step = Threads() < kThreads ? Threads() / kLanes : kSmall;
-      for (int i = begin[part] + thread / kLanes; i < begin[part + 1]; i += step) f(i);
+    for (; part < parts && end - first <= kSmall; ++part) {
+      const int next = begin[part + 2 < parts ? part + 2 : parts];  // Read before f stores.
+      for (int i = first + thread / kLanes; thread < kThreads && i < end; i += step) f(i);
+      first = end, end = next;
       __syncwarp();
     }
-    part = end;
     Wait();
   }
 }
