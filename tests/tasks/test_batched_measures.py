@@ -14,7 +14,7 @@ from softgym_mj.tasks.shared.observations import STATES
 
 VARIATIONS, SAMPLES = (800, 807, 813, 999), 6  # 24 states of four sizes.
 # [m] By which the points of an object or task are moved: far, unless it measures small moves.
-NOISE = {"water": 0.4, "hang_cloth": 0.5, "route_cable": 0.1}
+NOISE = {"water": 0.4, "hang_cloth": 0.6, "route_cable": 0.1}
 USUAL_NOISE = 0.03
 
 
@@ -83,7 +83,7 @@ def measured(task, state: State, episode: Episode) -> dict[str, Any]:
 def test_a_batch_is_measured_as_its_members(task):
     task, states, episodes = samples(task)
     singles = [measured(task, *pair) for pair in zip(states, episodes, strict=True)]
-    assert len({single["performance"] for single in singles}) >= 8  # Not all the same.
+    assert len({single["performance"] for single in singles}) > 8  # Not all the same.
     state, episode = State.stack(states), Episode.stack(episodes)
     batches = {
         "numpy": (state, episode),
