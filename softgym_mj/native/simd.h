@@ -306,12 +306,12 @@ inline void OneLane(F f) {
 inline void Store4(float* p, float x, float y, float z, float w) {
   *reinterpret_cast<float4*>(p) = make_float4(x, y, z, w);
 }
-// Reads `count` items into the nearest cache, by all lanes.
+// Reads an item into the nearest cache, by all lanes.
 template <class T>
-inline void Prefetch(const T* p, int count) {
+inline void Prefetch(const T* p) {
 #ifdef __CUDACC_RTC__
   constexpr int kSector = 32;  // [bytes] That a GPU reads together.
-  for (int i = kSector * Lane(); i < count * static_cast<int>(sizeof(T)); i += kSector * kLanes) {
+  for (int i = kSector * Lane(); i < static_cast<int>(sizeof(T)); i += kSector * kLanes) {
     asm volatile("prefetch.L1 [%0];" ::"l"(reinterpret_cast<const char*>(p) + i));
   }
 #endif
@@ -331,7 +331,7 @@ inline void OneLane(F f) {
 }
 inline void Store4(float* p, float x, float y, float z, float w) { p[0] = x, p[1] = y, p[2] = z, p[3] = w; }
 template <class T>
-inline void Prefetch(const T*, int) {}
+inline void Prefetch(const T*) {}
 inline void WaitLanes() {}
 #endif
 

@@ -152,7 +152,7 @@ inline void SweepLayers(const Points& points, const ContactRow& row, LayerBlock*
   const Lanes gamma(row.gamma), b(row.b), recovery(row.recovery), zero(0.0f);
   const Lanes old = pass.first ? zero : Lanes::Load(block->impulse);
   constexpr int kAhead = 4;  // Blocks that a warp sweeps at a time.
-  Prefetch(block + kAhead, 1);
+  Prefetch(block + kAhead);
   // Rows without an impulse by now wait for the next substep.
   if (!pass.first && !Bits(Less(zero, old))) return;
   Lanes w[4], masses[4];
