@@ -72,7 +72,8 @@ def test_the_command_takes_the_actor_from_the_arguments_of_the_task():
 def test_the_teacher_of_an_arm_learns_without_symmetries():
     """With them it could not be made: `symmetries` raises for arms."""
     small = {"random_steps": 16, "replay": 64}
-    settings = TeacherStudentSettings(hidden=(8,), teacher_env_steps=128, teacher_settings=small)
+    settings = TeacherStudentSettings(hidden=(8,), buffer=32, teacher_env_steps=128,
+                                      teacher_settings=small)  # fmt: skip
     shapes = {"markov": (44,), "rgb": (35, 35, 3)}
     problem = Problem("straighten_rope", {"actor": "franka"}, [0], 16, (), 8, 1.0, "cpu", "rgb",
                       shapes, 256)  # fmt: skip
@@ -167,7 +168,7 @@ def test_a_policy_plays_with_the_arm_of_its_training(tmp_path, monkeypatch):
         actor="franka", episode_steps=2,
     )  # fmt: skip
     method = find_method("sac", hidden=(8,), random_steps=4, updates=2, batch=4, replay=16)
-    training = Training(settings, method, [0], tmp_path, "host")
+    training = Training(settings, method, [0], tmp_path, "cpu")
     training.run()
     rows = results.read_rows(tmp_path / "curve.csv")
     assert {(row.actor, row.replay) for row in rows} == {("franka", "plain")}

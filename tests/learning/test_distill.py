@@ -15,7 +15,7 @@ from softgym_mj.policies.reactive import rope_configuration
 
 SIZE = 35
 SHAPES = {"markov": (1,), "rgb": (SIZE, SIZE, 3), "held": (2,)}
-SMALL = {"channels": 4, "features": 6, "hidden": (8,), "shift": 0}
+SMALL = {"channels": 4, "features": 6, "hidden": (8,), "shift": 0, "buffer": 3_200}
 
 
 def problem(seeds=(0,), num_envs=16, env_steps=16_000):
