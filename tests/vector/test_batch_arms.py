@@ -237,7 +237,7 @@ def test_hands_hold_a_rope_by_friction_as_in_environments():
     envs.close()
 
 
-@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+@pytest.mark.parametrize("mode", ["SameStep", pytest.param("NextStep", marks=pytest.mark.long)])
 def test_tensors_are_arrays_and_episodes_follow_each_other(mode):
     settings, outcomes = {"horizon": 3, "observation": "full"}, []
     for envs in (

@@ -51,9 +51,9 @@ def _random(number):
     return np.random.default_rng(0).uniform(-1.0, 1.0, (number, 3, 1))
 
 
-def _recorded(task, actor):
+def _recorded(task, **settings):
     """An expert's episodes on the CPU: actions, observations and infos of each variation."""
-    return recorded(softgym_mj.load(task, **{**SETTINGS, "actor": actor}), VARIATIONS)
+    return recorded(softgym_mj.load(task, **{**SETTINGS, **settings}), VARIATIONS)
 
 
 def test_threads_change_no_bit():
@@ -73,8 +73,9 @@ LONG = "pour_water/franka", "pour_water_amount/sawyer", "pour_water/ur5e"
 )
 def test_an_expert_acts_as_in_environments(case):
     task, actor = case.split("/")
-    episodes = _recorded(task, actor)
-    envs, sensed = _make(task, actor=actor, autoreset_mode="Disabled"), []
+    settings = {"actor": actor, **({} if case in LONG else {"horizon": 2 * STEPS})}
+    episodes = _recorded(task, **settings)
+    envs, sensed = _make(task, autoreset_mode="Disabled", **settings), []
     observations, infos = _reset(envs)
     for i, (_, seen) in enumerate(episodes):
         for name, array in seen[0][0].items():
@@ -126,7 +127,7 @@ def test_snapshots_go_to_environments_and_back():
     check_snapshots(envs, alone, _random(8).astype(np.float32), atol=1e-4)
 
 
-@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+@pytest.mark.parametrize("mode", ["NextStep", pytest.param("SameStep", marks=pytest.mark.long)])
 def test_tensors_are_arrays_and_episodes_follow_each_other(mode):
     outcomes = []
     for device in (CpuDevice(), TorchDevice()):
