@@ -150,24 +150,28 @@ def play(variation, **settings):
 
 
 @pytest.mark.parametrize(
-    ("variation", "cuts"),
-    [(LONG, "usual"), *(pytest.param(SHORT, c, marks=pytest.mark.long) for c in CUTS)],
+    ("variation", "cuts", "fidelity"),
+    [
+        (LONG, "usual", "fast"),
+        pytest.param(LONG, "usual", "default", marks=pytest.mark.long),
+        *(pytest.param(SHORT, cuts, "default", marks=pytest.mark.long) for cuts in CUTS),
+    ],
 )
-def test_the_expert_folds_shirts_and_dresses_without_crossing_layers(variation, cuts):
-    env = play(variation, cuts=cuts)
+def test_the_expert_folds_shirts_and_dresses_without_crossing_layers(variation, cuts, fidelity):
+    env = play(variation, cuts=cuts, fidelity=fidelity)
     assert env.info()["normalized_performance"] > 0.8
     assert env.info()["intersections"] == 0
     assert max(env.task.actor.held) < 0
     assert env.task.shirt.points()[:, 2].max() < STACK
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("actor", "variation"),
     [
         ("sawyer", 920),  # Two hands at one cuff block each other: 0.2.
-        # A hand that closes before it rests misses the floor by 2 mm: 0.3.
-        pytest.param("ur5e", 940, marks=pytest.mark.long),
-        pytest.param("franka", 111, marks=pytest.mark.long),  # The hem springs open: 0.7.
+        ("ur5e", 940),  # A hand that closes before it rests misses the floor by 2 mm: 0.3.
+        ("franka", 111),  # The hem springs open: 0.7.
     ],
 )
 def test_arms_fold_shirts(actor, variation):
@@ -203,5 +207,6 @@ def test_hands_come_as_near_to_a_shirt_as_to_a_thicker_cloth():
     assert lowest("fold_shirt") == lowest("fold_cloth")
 
 
+@pytest.mark.long  # By default, the test above compares how low these hands come.
 def test_the_longest_pads_catch_a_lower_layer():
     assert play(SHORT, actor="ur5e").info()["normalized_performance"] > 0.5
