@@ -49,6 +49,7 @@ INFO = {
     "displacement": "mean distance of the second half from its target [m]",
     "hanging_near": "fraction of the towel that hangs on the side of -X of the bar",
     "hanging_far": "the same on the side of +X",
+    "spread": "spread of the towel along the bar, 1 if it is as wide as when flat",
     "gates_passed": "fraction of the gates at pegs and clips that the rope passes",
     "poured": "fraction of the particles in the target cup and not in the other",
     "share": "fraction to be poured",

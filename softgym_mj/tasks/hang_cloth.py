@@ -1,12 +1,13 @@
 """The task HangCloth: a towel over a bar, beyond SoftGym."""
 
+import math
 from collections.abc import Mapping
 from typing import NamedTuple, Unpack
 
 import numpy as np
 
 from softgym_mj import metrics
-from softgym_mj.entities.cloth import Cloth
+from softgym_mj.entities.cloth import PARTICLE_SPACING, Cloth
 from softgym_mj.exceptions import check_name
 from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.workspace import Workspace
@@ -36,18 +37,20 @@ WOOD = (0.55, 0.36, 0.2, 1.0)
 class HangCloth(Task):
     """Hang a towel evenly over a bar.
 
-    Goal: one half of the towel hangs on each side of a bar along Y at X = 0.1 m, and nothing
-    touches the floor.
+    Goal: one half of the towel hangs on each side of a bar along Y at X = 0.1 m, spread to its
+    width, and nothing touches the floor.
     Actions: per picker dx, dy, dz (1 is 0.01 m per sim step) and grip (closes if > 0), each in [-1,
     1].
     Observations: `reduced` (default) lists corners p1 p2 p3 p4, the top of the bar and picker 0,
     picker 1 (x, y, z each): 21 entries [m]. `OBSERVATIONS` of `tasks.shared.observations` lists the
     others.
     Reward = p + (1 - p) a / 2. Performance p: twice the share of the towel that hangs on the side
-    of the bar where less of it hangs; cloth on the floor, above the bar or not between the posts
-    does not count. Approach a = 1 - |u| / |u at the start|: u is the mean distance of the towel
-    from the top of the bar, which is negative except beyond the bar if the towel passes over it.
-    Bounds: lower = 0 (the start), upper = 1 (both halves hang).
+    of the bar where less of it hangs, times its spread. Cloth on the floor, above the bar or not
+    between the posts does not hang. Spread: the standard deviation of the towel along the bar,
+    relative to that of its width when flat, at most 1. Approach a = 1 - |u| / |u at the start|: u
+    is the mean distance of the towel from the top of the bar, which is negative except beyond the
+    bar if the towel passes over it.
+    Bounds: lower = 0 (the start), upper = 1 (both halves hang, spread).
     Horizon: 100 env steps of 8 sim steps; nothing else ends an episode.
     Start: the towel, 0.36 to 0.5 m by 0.24 to 0.34 m, lies flat beside the bar, rotated by up to 10
     degrees. The bar is 0.3 to 0.38 m high, with a radius of 8 to 16 mm; with `bars="unseen"` 0.4 to
@@ -57,7 +60,7 @@ class HangCloth(Task):
     summary = "Hang a towel evenly over a bar."
     difficulty, material = "medium", "cloth"
     horizon = 100
-    success = 0.8  # 40 % of the towel on the side where less of it hangs.
+    success = 0.8  # 40 % of the towel on the side where less of it hangs, if it is spread.
     workspace = Workspace((-0.7, -0.6, 0.0), (0.7, 0.6, 0.8))
     view = "hang_cloth"
     symmetries = mirrored("rows")
@@ -113,17 +116,24 @@ class HangCloth(Task):
         return True
 
     def goal(self, variation: int, points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Returns X, Z and radius "bar" (3,) of the bar, and `passage` "start" () [m]."""
+        """Returns X, Z and radius "bar" (3,) of the bar, and two lengths () [m].
+
+        "start" is the `passage` at the start, and "spread" that of the towel spread on the bar.
+        """
         bar = np.array([BAR_X, *self.bar(variation)])
-        return {"bar": bar, "start": passage(across(self.cloth.arrays, points["cloth"], bar), bar)}
+        start = passage(across(self.cloth.arrays, points["cloth"], bar), bar)
+        number = self.cloth.dims[1]  # The deviation of as many particles, one spacing apart.
+        return {"bar": bar, "start": start, "spread": np.array(spread_of_row(number))}
 
     def measure(self, state: State, episode: Episode) -> Measures:
         points, bar = state.points["cloth"], episode.goal["bar"]
         particles = across(episode.shapes["cloth"], points, bar)
         near, far = hanging(particles, bar)
-        performance = 2.0 * metrics.namespace(points).minimum(near, far)
+        xp = metrics.namespace(points)
+        spread = xp.clip(deviation(particles) / episode.goal["spread"], 0.0, 1.0)
+        performance = 2.0 * spread * xp.minimum(near, far)
         away = passage(particles, bar) / episode.goal["start"]
-        info = {"hanging_near": near, "hanging_far": far}
+        info = {"hanging_near": near, "hanging_far": far, "spread": spread}
         return guided("hanging", performance, 1.0 - abs(away), info)
 
     def reduced(self, state: State, episode: Episode) -> Entries:
@@ -141,19 +151,24 @@ def _top(episode: Episode) -> dict[str, entries.Entry]:
 
 
 class Across(NamedTuple):
-    """Particles of a cloth in a plane across a bar.
+    """Particles of a cloth near a bar.
 
     Attributes:
         aside: X (..., n) from the bar [m].
+        along: Y (..., n) along the bar, from its middle [m].
         height: Z (..., n) [m].
-        between: whether a particle is between the posts (..., n).
         counts: weights (..., n).
     """
 
     aside: Array
+    along: Array
     height: Array
-    between: Array
     counts: Array
+
+    @property
+    def between(self) -> Array:
+        """Whether a particle is between the posts (..., n)."""
+        return abs(self.along) < HALF_LENGTH
 
 
 def across(shape: Mapping[str, Array], points: Array, bar: Array) -> Across:
@@ -165,8 +180,20 @@ def across(shape: Mapping[str, Array], points: Array, bar: Array) -> Across:
     """
     sheet = metrics.particles(shape, points)
     aside = metrics.flat(sheet[..., 0]) - bar[..., 0, None]
-    between = abs(metrics.flat(sheet[..., 1])) < HALF_LENGTH
-    return Across(aside, metrics.flat(sheet[..., 2]), between, metrics.particle_counts(shape))
+    along, height = (metrics.flat(sheet[..., i]) for i in (1, 2))
+    return Across(aside, along, height, metrics.particle_counts(shape))
+
+
+def spread_of_row(number: int) -> float:
+    """Returns the standard deviation [m] of a straight row of SoftGym's particles."""
+    return PARTICLE_SPACING * math.sqrt((number**2 - 1) / 12)
+
+
+def deviation(particles: Across) -> Array:
+    """Returns the standard deviation (...) [m] of a cloth along a bar."""
+    along, counts = particles.along, particles.counts
+    away = along - metrics.mean(along, counts)[..., None]
+    return metrics.namespace(along).sqrt(metrics.mean(away**2, counts))
 
 
 def hanging(particles: Across, bar: Array) -> tuple[Array, Array]:
@@ -179,7 +206,8 @@ def hanging(particles: Across, bar: Array) -> tuple[Array, Array]:
         particles: of the cloth.
         bar: (..., 3) X, Z and radius [m].
     """
-    aside, height, between, counts = particles
+    aside, _, height, counts = particles
+    between = particles.between
     z, radius, xp = bar[..., 1, None], bar[..., 2, None], metrics.namespace(height)
     top = z + radius + MARGIN
     lies = (xp.abs(aside) < radius) & (height > z) & (height < top) & between & (counts > 0.0)
@@ -200,9 +228,9 @@ def passage(particles: Across, bar: Array) -> Array:
     Args:
         particles, bar: as in `hanging`.
     """
-    aside, height, between, counts = particles
+    aside, _, height, counts = particles
     z, radius, xp = bar[..., 1, None], bar[..., 2, None], metrics.namespace(height)
-    over = (xp.abs(aside) < radius) & (height > z) & between & (counts > 0.0)
+    over = (xp.abs(aside) < radius) & (height > z) & particles.between & (counts > 0.0)
     beyond = (aside > 0.0) & xp.any(over, axis=-1)[..., None]
     distances = xp.sqrt(aside**2 + (height - z - radius) ** 2)
     return metrics.mean(xp.where(beyond, distances, -distances), counts)

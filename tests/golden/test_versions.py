@@ -16,7 +16,7 @@ DECIDED = {
     "fold_cloth": (0, "376067788543c0a7"),
     "fold_crumpled_cloth": (0, "613176afd6ba9367"),
     "fold_shirt": (0, "a1f951227f74f297"),
-    "hang_cloth": (0, "28ba81fbb875bdfa"),
+    "hang_cloth": (0, "1a5a06998b59e2a0"),
     "pour_water": (0, "1c2027b8689698a7"),
     "pour_water_amount": (0, "38a0debf6ff4f1bd"),
     "rope_configuration": (0, "e523e605e8ac278a"),

@@ -129,6 +129,22 @@ def test_a_cloth_scores_twice_its_smaller_part(env, share):
     assert measures.info["hanging_near"] == pytest.approx(1.0 - share, abs=0.01)
 
 
+@pytest.mark.parametrize("width", [0.3, 0.75, 1.0, 1.1])
+def test_a_bunched_cloth_scores_the_share_of_its_width_that_is_left(env, width):
+    points = draped(env, 0.5)
+    points[:, 1] = 0.1 + width * points[:, 1]
+    measures = score(env, points)
+    assert measures.info["spread"] == pytest.approx(min(width, 1.0), rel=1e-9)
+    near, far = (measures.info[f"hanging_{side}"] for side in ("near", "far"))
+    assert measures.performance == pytest.approx(min(width, 1.0) * 2.0 * min(near, far), rel=1e-9)
+
+
+def test_a_cloth_doubled_along_the_bar_scores_half(env):
+    points = draped(env, 0.5)
+    points[:, 1] = abs(points[:, 1])
+    assert score(env, points).performance == pytest.approx(0.5, abs=0.01)
+
+
 def test_what_lies_on_the_floor_does_not_hang(env):
     points = draped(env, 0.5)
     lowest = points[:, 2].min()
@@ -138,12 +154,12 @@ def test_what_lies_on_the_floor_does_not_hang(env):
     cut = np.quantile(points[far, 2], 0.5)
     lying = far & (points[:, 2] < cut)
     share = lying.mean()
-    points[lying] = [*points[lying].mean(axis=0)[:2], HALF]
+    points[lying, 0], points[lying, 2] = points[lying, 0].mean(), HALF
     measures = score(env, points)
     assert measures.info["hanging_near"] == pytest.approx(0.5, abs=5e-3)
     # Edges between the two parts hang by half.
     assert measures.info["hanging_far"] == pytest.approx(0.5 - share, abs=0.05)
-    assert measures.performance == 2.0 * measures.info["hanging_far"]
+    assert measures.performance == pytest.approx(2.0 * measures.info["hanging_far"], rel=1e-12)
     assert lowest > CLEAR and z > radius
 
 
