@@ -34,7 +34,7 @@ class PourWaterAmount(PouringTask):
     """Pour a given share of the water of one cup into another.
 
     Goal: a share t of the water in the target cup, uniform in 0.1 to 1. A red bar on the target's
-    inner wall marks about the height of that water; images show it with `goal_marks=True` only.
+    inner wall marks about the height of that water; images show it unless `goal_marks=False`.
     Actions: dx, dz (1 is 0.01 m per sim step) and dtheta (1 is 0.015 rad), each in [-1, 1]. The cup
     rotates about the middle of its floor. A move into the ground or the target is rejected as a
     whole; `rejected_moves` in info counts them over the sim steps of an env step.

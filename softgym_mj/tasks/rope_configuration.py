@@ -64,7 +64,7 @@ class RopeConfiguration(Task):
     Observations: `reduced` (default) lists 10 key points of the rope, 10 of the goal, evenly
     spaced, and picker 0, picker 1 (x, y, z each): 66 entries [m]. `full` lists all vertices, those
     of the goal and the pickers. `goal_rgb` is the task camera's image with the rope on the letter;
-    other images show the letter with `goal_marks=True` only.
+    other images show the letter unless `goal_marks=False`.
     `OBSERVATIONS` of `tasks.shared.observations` lists the others.
     Reward = performance: -(mean distance of the 10 key points from those of the goal, matched to
     minimize it) [m]; of all vertices with `matching="vertices"`.

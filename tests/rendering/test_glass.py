@@ -73,7 +73,7 @@ def spy(method, calls):
 
 @pytest.mark.parametrize("task", MARKED)
 def test_goals_are_drawn_for_people_and_not_observed(task):
-    env, observation = look(task, observation=OBSERVED)
+    env, observation = look(task, observation=OBSERVED, goal_marks=False)
     shown = CameraView("task", *SIZE).rgb(env.physics)
     assert np.abs(shown.astype(int) - observation["rgb"]).max(axis=-1).max() > 40
     model = env.physics.model.ptr

@@ -41,12 +41,12 @@ def batch(task, **settings):
 @pytest.mark.parametrize("task", MARKED)
 def test_colors_show_the_goal_and_nothing_else_changes(task):
     env, seen = load(task, goal_marks=True)
-    _, plain = load(task)
+    _, plain = load(task, goal_marks=False)
     drawn = CameraView("task", 128, 128).rgb(env.physics)
     np.testing.assert_array_equal(seen["rgb"], drawn)  # As people see it.
     hidden = CameraView("task", 128, 128, marks=False).rgb(env.physics)
     np.testing.assert_array_equal(plain["rgb"], hidden)
-    with_marks, without = batch(task, goal_marks=True), batch(task)
+    with_marks, without = batch(task, goal_marks=True), batch(task, goal_marks=False)
     for name in ("depth", "segmentation", "external_depth"):
         np.testing.assert_array_equal(seen[name], plain[name])
         np.testing.assert_array_equal(with_marks[name], without[name])
@@ -60,7 +60,7 @@ def test_colors_show_the_goal_and_nothing_else_changes(task):
 
 def test_the_bar_in_the_image_stands_at_the_level_of_the_goal():
     levels = []
-    env, _ = load("pour_water_amount", ["rgb"], goal_marks=True, image_size=(256, 256))
+    env, _ = load("pour_water_amount", ["rgb"], image_size=(256, 256))
     for variation in (805, 811, 806):
         seen = env.reset(variation).observation["rgb"].astype(int)
         rows, columns = np.nonzero(seen[..., 0] > seen[..., 1] + 30)
@@ -79,6 +79,12 @@ def test_the_bar_in_the_image_stands_at_the_level_of_the_goal():
     assert np.ptp(levels) > 0.1
 
 
+@pytest.mark.parametrize("task", softgym_mj.TASKS)
+def test_marks_are_the_default_where_the_goal_varies_and_nothing_else_shows_it(task):
+    shown = task in ("pour_water_amount", "rope_configuration")
+    assert softgym_mj.load(task).task.goal_marks is shown
+
+
 @pytest.mark.parametrize("task", UNMARKED)
 def test_a_task_without_marks_refuses_them(task):
     with pytest.raises(InvalidArgumentError, match=r"goal_marks=True.*False: this task"):
@@ -88,18 +94,18 @@ def test_a_task_without_marks_refuses_them(task):
 def test_a_warning_says_that_no_image_shows_the_goal():
     task = "rope_configuration"
     with pytest.warns(UserWarning, match=r"does not show the goal.*goal_marks=True"):
-        load(task, ["rgb", "depth"])
+        load(task, ["rgb", "depth"], goal_marks=False)
     with pytest.warns(UserWarning, match=r"does not show the goal"):
         load(task, ["depth"], goal_marks=True)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        load(task, ["rgb"], goal_marks=True)
-        load(task, ["rgb", "reduced"])
+        load(task, ["rgb"])
+        load(task, ["rgb", "reduced"], goal_marks=False)
 
 
 def test_images_of_wrists_show_the_goal():
     seen, plain = (
         load("rope_configuration", ["wrist_rgb", "reduced"], actor="franka", **settings)[1]
-        for settings in ({"goal_marks": True}, {})
+        for settings in ({}, {"goal_marks": False})
     )
     assert changed(seen["wrist_rgb"], plain["wrist_rgb"]).sum() > 100

@@ -64,7 +64,7 @@ class Task(Definition):
         actor: str | Actor | None = None,
         observation: str | Sequence[str] = "reduced",
         image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
-        goal_marks: bool = False,
+        goal_marks: bool | None = None,
         look: str = FAST.name,
         action_repeat: int | None = None,
         domain: str | Mapping[str, object] = "nominal",
@@ -78,8 +78,7 @@ class Task(Definition):
                 names, not yet attached.
             start: initial states of the first object; None if `arrange` places all of them.
             tool: cup for the actor to move; None for grippers.
-            marks: entities that mark the goal by sites; observed images show them with
-                `goal_marks=True` only.
+            marks: entities that mark the goal by sites; observed images show them if `goal_marks`.
             timestep: physics step [s], a sim step divided by a whole number; by default the largest
                 that suits all objects.
             actor, observation, image_size, goal_marks, look, action_repeat, domain,
@@ -113,10 +112,10 @@ class Task(Definition):
         )
         if goal_marks and not marks:
             raise InvalidArgumentError("goal_marks", goal_marks, "False: this task draws no goal")
-        self.goal_marks = goal_marks
-        self._observables = make_observables(self, observation, image_size, goal_marks)
+        self.goal_marks = bool(marks) and self.hidden_goal if goal_marks is None else goal_marks
+        self._observables = make_observables(self, observation, image_size, self.goal_marks)
         if self.hidden_goal:
-            warn_of_hidden_goal(self._observables, goal_marks)
+            warn_of_hidden_goal(self._observables, self.goal_marks)
         self._variation, self._chosen = 0, False
         self._episode: Episode | None = None
         self._stored: dict[str, np.ndarray] = {}

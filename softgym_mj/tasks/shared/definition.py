@@ -43,7 +43,8 @@ class Definition(composer.Task, abc.ABC):
             tasks, the authors' code.
         example_variation: variation for pictures and videos.
         softgym_name: the task's name in SoftGym.
-        hidden_goal: whether the goal depends on the variation and images show it by marks only.
+        hidden_goal: whether the goal depends on the variation and images show it by marks only;
+            they then have marks by default.
         goals: `Goals` of a task whose goal is drawn in each variation; else None.
         symmetries: rotations of the world and orders of points that leave the task unchanged;
             learners can augment each step by them.

@@ -221,6 +221,6 @@ def warn_of_hidden_goal(observables: Mapping[str, observable.Observable], goal_m
     others = sorted(_SHOW_GOAL & set(observables))
     warnings.warn(
         f"observation={sorted(enabled)} does not show the goal, which depends on the variation: "
-        f"load the task with goal_marks=True and 'rgb', or observe one of {others}, too",
+        f"observe 'rgb' with goal_marks=True (the default), or one of {others}, too",
         stacklevel=3,
     )

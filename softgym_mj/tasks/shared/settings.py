@@ -16,7 +16,8 @@ class CupTaskSettings(TypedDict, total=False):
     observation: a name, or a sequence of names, of `observations.OBSERVATIONS`.
     image_size: (height, width) of images [pixels].
     goal_marks: whether "rgb", "external_rgb" and "wrist_rgb" show the marks of the goal that
-        `render` draws; depths, labels and point clouds never do. Tasks without marks reject True.
+        `render` draws; depths, labels and point clouds never do. None for the tasks whose goal
+        depends on the variation and shows by marks only. Tasks without marks reject True.
     look: rendering detail: "fast", or "paper" for people; a name in `rendering.look.LOOKS`. It
         affects images only.
     action_repeat: sim steps of 0.01 s per env step; None for the task's default.
@@ -29,7 +30,7 @@ class CupTaskSettings(TypedDict, total=False):
     visual: str | None
     observation: str | Sequence[str]
     image_size: tuple[int, int]
-    goal_marks: bool
+    goal_marks: bool | None
     look: str
     action_repeat: int | None
     domain: str | Mapping[str, object]
