@@ -10,9 +10,9 @@ import sys
 # Before anything imports dm_control.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("SOFTGYM_MJ_CACHE", str(pathlib.Path(__file__).parent.parent / ".test_cache"))
-# JAX compiles the steps of arms, seconds each, once for all test files and runs.
+# JAX compiles the steps of arms and small functions, once for all test files and runs.
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", f"{os.environ['SOFTGYM_MJ_CACHE']}/jax")
-os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.3")
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
 import gymnasium
 import numpy as np
 import pytest
