@@ -68,6 +68,9 @@ def linear(values: npt.ArrayLike) -> np.ndarray:
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
+LIGHT = linear(np.arange(256) / 255.0)  # Linear light of each sRGB value uint8.
+
+
 def pixels(light: np.ndarray) -> np.ndarray:
     """Converts linear light (...) to sRGB values (...) uint8; values above 1 are clipped."""
     light = np.clip(light, 0.0, 1.0)
@@ -86,7 +89,7 @@ def bsdf(mi: Any, model: mujoco.MjModel, geom: mujoco.MjvGeom, has_texture: bool
     picture = texture_of(model, geom.matid) if has_texture else None
     base: dict[str, Any] = {"type": "rgb", "value": color.tolist()}
     if picture is not None:
-        light = (color * linear(picture / 255.0)).astype(np.float32)
+        light = (color * LIGHT[picture]).astype(np.float32)
         base = {"type": "bitmap", "bitmap": mi.Bitmap(light), "raw": True}
     own = dataclasses.asdict(finish)
     if finish.roughness is None:  # Shininess 1 is a mirror to MuJoCo.
