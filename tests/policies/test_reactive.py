@@ -5,13 +5,12 @@ import pytest
 import torch
 
 import softgym_mj
-from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.policies import reactive
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.policies.reactive.rope import ABOVE, LAID, PUTTING
+from tests.policies.reactive_episodes import NAME, play
 
-NAME = "softgym_mj.policies.reactive:policy"
 HIGH = 0.1  # [m] Height at which free pickers rest.
 
 
@@ -111,13 +110,7 @@ def test_batches_have_the_actions_of_single_observations():
 
 
 def test_it_lays_ropes_in_the_shape_of_letters():
-    env = softgym_mj.load("rope_configuration", split=range(700, 710), observation="markov")
-    assert isinstance(env, Environment)
-    scores = []
-    for variation in range(700, 710):
-        for _ in env.play(make_policy(NAME, env), variation):
-            pass
-        scores.append(env.info()["normalized_performance"])
+    _, scores, _ = play("rope_configuration", ["markov"], range(700, 710))
     assert np.mean(scores) > 0.7 and np.min(scores) > 0.4
 
 

@@ -2,15 +2,13 @@
 
 import numpy as np
 import pytest
-import torch
 
 import softgym_mj
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.envs.environment import Environment
-from softgym_mj.policies.factory import make_policy
-from softgym_mj.policies.reactive import cloth, fold_crumpled_cloth, grasps, laying, policy
+from softgym_mj.policies.reactive import cloth, fold_crumpled_cloth, grasps, laying
+from tests.policies.reactive_episodes import check_batches, fast_or_all, play
 
-NAME = "softgym_mj.policies.reactive:policy"
 DIMS = (65, 81)  # 0.4 m by 0.5 m: 13 rows and 11 columns.
 ASIDE = [[-0.6, 0.6, 0.2], [-0.6, -0.6, 0.2]]
 BELOW = [0.0, 0.0, -0.05]  # [m] Offset of a held vertex.
@@ -143,20 +141,9 @@ def test_the_error_of_a_fold_is_that_of_the_task():
     assert error == pytest.approx(-env.info()["performance"], rel=0.1)
 
 
-def test_it_folds_cloth_and_labels_batches_as_single_states():
-    env = softgym_mj.load(
-        "fold_crumpled_cloth", split=range(700, 704), observation=["full", "markov"]
-    )
-    assert isinstance(env, Environment)
-    scores, states = [], []
-    for variation in range(700, 704):
-        for step in env.play(make_policy(NAME, env), variation):
-            states.append(np.concatenate([step.observation["full"], step.observation["markov"]]))
-        scores.append(env.info()["normalized_performance"])
+@fast_or_all(range(700, 704), 2)
+def test_it_folds_cloth_and_labels_batches_as_single_states(fidelity, variations):
+    names = "full", "markov"
+    _, scores, states = play("fold_crumpled_cloth", names, variations, fidelity=fidelity)
     assert np.mean(scores) > 0.5
-    some = np.array(states[::7])
-    single = [fold_crumpled_cloth(state) for state in some]
-    batch = fold_crumpled_cloth(torch.tensor(some).reshape(1, *some.shape))
-    np.testing.assert_allclose(batch[0], single, rtol=0, atol=1e-9)
-    assert np.abs(single).max() <= 1.0
-    assert policy(env) is not None
+    check_batches(fold_crumpled_cloth, states[::7], 1e-9)

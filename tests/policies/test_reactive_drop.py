@@ -2,14 +2,10 @@
 
 import numpy as np
 import pytest
-import torch
 
-import softgym_mj
-from softgym_mj.envs.environment import Environment
-from softgym_mj.policies.factory import make_policy
-from softgym_mj.policies.reactive import drop, drop_fold_cloth, policy
+from softgym_mj.policies.reactive import drop, drop_fold_cloth
+from tests.policies.reactive_episodes import check_batches, fast_or_all, play
 
-NAME = "softgym_mj.policies.reactive:policy"
 WIDTH, DEPTH = 0.66, 0.5  # [m] The width is the middle of the band WIDE.
 TOP, END = drop.WIDE.ends[0][0], max(drop.WIDE.ends[0][1], drop.LOWEST)
 
@@ -95,20 +91,9 @@ def test_the_width_chooses_the_curve():
             np.testing.assert_allclose(moves[:, 2], -speed, atol=1e-9)
 
 
-def test_it_folds_cloth_and_labels_batches_as_single_states():
-    variations = range(700, 708)
-    env = softgym_mj.load("drop_fold_cloth", split=variations, observation=["key_points", "markov"])
-    assert isinstance(env, Environment)
-    scores, states = [], []
-    for variation in variations:
-        for step in env.play(make_policy(NAME, env), variation):
-            states.append(np.concatenate([step.observation[name] for name in step.observation]))
-        scores.append(float(env.info()["normalized_performance"]))
+@fast_or_all(range(700, 708), 4)
+def test_it_folds_cloth_and_labels_batches_as_single_states(fidelity, variations):
+    names = "key_points", "markov"
+    _, scores, states = play("drop_fold_cloth", names, variations, fidelity=fidelity)
     assert np.mean(scores) > 0.75
-    some = np.array(states[::3])
-    single = [drop_fold_cloth(state) for state in some]
-    np.testing.assert_array_equal(drop_fold_cloth(some[None])[0], single)
-    batch = drop_fold_cloth(torch.tensor(some).reshape(1, *some.shape))
-    np.testing.assert_array_equal(batch[0], single)
-    assert np.abs(single).max() <= 1.0
-    assert policy(env) is not None
+    check_batches(drop_fold_cloth, states[::3], 1e-12)

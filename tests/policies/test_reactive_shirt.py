@@ -4,14 +4,10 @@ import math
 
 import numpy as np
 import pytest
-import torch
 
-import softgym_mj
-from softgym_mj.envs.environment import Environment
-from softgym_mj.policies.factory import make_policy
-from softgym_mj.policies.reactive import fold_shirt, policy, shirt
+from softgym_mj.policies.reactive import fold_shirt, shirt
+from tests.policies.reactive_episodes import check_batches, fast_or_all, play
 
-NAME = "softgym_mj.policies.reactive:policy"
 CHEST, ARMHOLE, LENGTH, SLEEVE = 0.2, 0.16, 0.5, 0.15  # [m]
 # Left half of a flat shirt in the order of key points: hem, cuff (inner, outer), armpit, shoulder.
 LEFT = np.array(
@@ -160,26 +156,15 @@ def turned(states, matrix, reverse):
     return np.concatenate([part.reshape(len(states), -1) for part in (keys, pickers, grips)], -1)
 
 
-def test_it_folds_shirts_and_is_symmetric():
-    variations = (701, 702, 706, 709)
-    env = softgym_mj.load("fold_shirt", split=variations, observation="markov")
-    assert isinstance(env, Environment)
-    scores, states = [], []
-    for variation in variations:
-        for step in env.play(make_policy(NAME, env), variation):
-            states.append(step.observation["markov"])
-        scores.append(float(env.info()["normalized_performance"]))
+@fast_or_all((701, 702, 706, 709), 2)
+def test_it_folds_shirts_and_is_symmetric(fidelity, variations):
+    env, scores, states = play("fold_shirt", ["markov"], variations, fidelity=fidelity)
     assert np.mean(scores) > 0.88
-    some = np.array(states[::7])
-    single = np.array([fold_shirt(state) for state in some])
-    np.testing.assert_allclose(fold_shirt(some[None])[0], single, atol=1e-12)
-    batch = fold_shirt(torch.tensor(some).reshape(1, *some.shape))
-    np.testing.assert_allclose(batch[0], single, atol=1e-9)
-    assert np.abs(single).max() <= 1.0
+    some = states[::7]
+    single = check_batches(fold_shirt, some, 1e-9)
     # Speeds are limited along each axis, which rotations by right angles and reflections keep.
     for symmetry in env.task.symmetries:
         actions = fold_shirt(turned(some, symmetry.turn, symmetry.order == "reversed"))
         expected = single.reshape(-1, 2, 4).copy()
         expected[..., :3] = expected[..., :3] @ symmetry.turn.T
         np.testing.assert_allclose(actions.reshape(-1, 2, 4), expected, atol=1e-6)
-    assert policy(env) is not None

@@ -1,0 +1,44 @@
+"""Episodes of reactive experts, and their actions for batches of the states in these."""
+
+import numpy as np
+import pytest
+import torch
+
+import softgym_mj
+from softgym_mj.envs.environment import Environment
+from softgym_mj.policies.factory import make_policy
+
+NAME = "softgym_mj.policies.reactive:policy"
+
+
+def fast_or_all(variations, few):
+    """Parameters (fidelity, variations): a few fast ones by default, all in the long run."""
+    return pytest.mark.parametrize(
+        ("fidelity", "variations"),
+        [
+            ("fast", variations[:few]),
+            pytest.param("default", variations, marks=pytest.mark.long),
+        ],
+    )
+
+
+def play(task, names, variations, **settings):
+    """Plays an episode of each variation; returns environment, scores and states (n, size)."""
+    env = softgym_mj.load(task, split=variations, observation=list(names), **settings)
+    assert isinstance(env, Environment)
+    scores, states = [], []
+    for variation in variations:
+        for step in env.play(make_policy(NAME, env), variation):
+            states.append(np.concatenate([step.observation[name] for name in names]))
+        scores.append(float(env.info()["normalized_performance"]))
+    return env, scores, np.array(states)
+
+
+def check_batches(expert, states, atol):
+    """Checks actions of batches, of tensors within `atol`; returns those of single states."""
+    states = np.ascontiguousarray(states)
+    single = np.array([expert(state) for state in states])
+    for batch, within in ((states, min(atol, 1e-12)), (torch.tensor(states), atol)):
+        np.testing.assert_allclose(expert(batch[None])[0], single, rtol=0, atol=within)
+    assert np.abs(single).max() <= 1.0
+    return single
