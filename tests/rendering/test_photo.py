@@ -3,7 +3,6 @@
 import importlib
 import pathlib
 import re
-import subprocess
 import sys
 
 import imageio.v3 as imageio
@@ -182,12 +181,6 @@ def test_a_missing_extra_is_named(module, monkeypatch):
     result = CliRunner().invoke(commands.app, ["photo", "pour_water"])
     assert isinstance(result.exception, UnavailableError)
     assert "pip install '.[photo]'" in str(result.exception)
-
-
-def test_nothing_else_imports_it():
-    code = "import softgym_mj.cli.commands, sys; print('mitsuba' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["False"]
 
 
 @pytest.mark.parametrize(
