@@ -18,7 +18,6 @@ OURS, PLUS = map(softgym_mj.registry.task_names, softgym_mj.registry.SUITES)
 @pytest.mark.parametrize(
     "imports",
     [
-        "import softgym_mj; from dm_control import suite",
         "from dm_control import suite; import softgym_mj",
         "from dm_control.suite import ALL_TASKS; import softgym_mj; from dm_control import suite",
     ],
