@@ -60,11 +60,12 @@ def stepped(batch, state, actions):
     """State, `Ended` and motion of the hands' solids in each sim step, after an env step."""
     with jax.enable_x64(True):
         push, solid = batch.no_push(len(actions), jax.devices()[0]), actions[:, 3::4] < np.inf
+        nowhere = np.full((len(actions), 1, 3), np.inf)
         motions = []
         for k in range(SIM_STEPS):
             phase = k % SOLVE_EVERY
             state = batch.solve(state, actions) if phase == 0 else state
-            state, _, hands = batch.step_alone(state, push, actions, {}, solid, phase)
+            state, _, hands = batch.step_alone(state, push, actions, nowhere, {}, solid, phase)
             motions.append([np.asarray(each) for each in hands.solids])
         return *batch.finish(state, push), motions
 

@@ -105,11 +105,13 @@ def test_hands_rest_on_boxes_as_in_environments():
     alone.reset(options={"variation": VARIATIONS[1]})
     actor, physics, number = alone.dm_env.task.actor, alone.dm_env.physics, 0
     jaws = physics.named.data.geom_xpos[["jaw_0", "jaw_3"]]
-    for k in range(12):
-        # A pad of each open hand comes down on a jaw of a clip, presses, slides and rises.
-        goals = jaws + [0.04 + 0.001 * k, 0.0, 0.1 if k < 5 or k > 9 else -0.05]
+    for k in range(14):
+        # A pad of each open hand comes down on a jaw of a clip, presses, slides, passes through it
+        # as the hand closes, meets it again as the hand opens, and rises.
+        goals = jaws + [0.04 + 0.001 * k, 0.0, 0.1 if k < 5 or k > 11 else -0.05]
         ways = (goals - actor.commanded_positions()) / (8 * MAX_DISPLACEMENT)
-        action = actor.displacing(np.clip(ways, -1.0, 1.0), [False, False]).astype(np.float32)
+        grips = [k == 9] * 2
+        action = actor.displacing(np.clip(ways, -1.0, 1.0), grips).astype(np.float32)
         observations, *_, infos = envs.step(np.stack([action] * 3))
         expected = alone.step(action)[0]["proprioception"]
         np.testing.assert_allclose(observations["proprioception"][1], expected, atol=2e-5)

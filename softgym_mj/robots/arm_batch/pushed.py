@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from softgym_mj.robots.arm.arms import Arms
+from softgym_mj.robots.arm.fingers import OUT_OF_THE_WAY
 from softgym_mj.robots.arm.grasps import CLOSING_SPEED, GRASPS, AttachGrasp
 from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.arm.mounts import Mount
@@ -53,16 +54,14 @@ class Hands(NamedTuple):
     Attributes:
         points: tool points (num_envs, n, 3) [m].
         velocities: their velocities (num_envs, n, 3) [m/s].
-        fingers, commands: positions of the fingers and their commands in the last step
-            (num_envs, n, 2) [m].
+        solid: whether the pads touch anything in the step (num_envs, n) bool.
         solids: motion of the solids without the object; arrays begin with (num_envs, n, k).
         jacobians: as in `SolidMotion` (num_envs, n, k, 6, m + 2).
     """
 
     points: jax.Array
     velocities: jax.Array
-    fingers: jax.Array
-    commands: jax.Array
+    solid: jax.Array
     solids: hands.SolidSteps
     jacobians: jax.Array
 
@@ -107,7 +106,7 @@ class PushedArms(ControlledArms):
         self._shapes = clearance.shapes_of(*models.solid_model(arm, grasp))
         self.is_pad = self._solids.is_pad
         self.solve = jax.jit(jax.vmap(self._solved))
-        self.step_alone = jax.jit(jax.vmap(self._alone, (0, 0, 0, 0, 0, None)))
+        self.step_alone = jax.jit(jax.vmap(self._alone, (0, 0, 0, 0, 0, 0, None)))
         self.finish = jax.jit(jax.vmap(self._finished))
 
     def no_push(self, number: int, device: jax.Device) -> Push:
@@ -129,6 +128,7 @@ class PushedArms(ControlledArms):
         state: ArmState,
         push: Push,
         action: jax.Array,
+        vertices: jax.Array,
         fixed: Mapping[str, contacts.Fixed],
         solid: jax.Array,
         phase: jax.Array,
@@ -139,8 +139,9 @@ class PushedArms(ControlledArms):
             state: arms after the last step without its push.
             push: push in the last step.
             action: action of the env step.
+            vertices: positions of the object's vertices (v, 3) [m]; infinite ones do not exist.
             fixed: fixed solids by kind.
-            solid: whether the pads of each hand touch anything (n,).
+            solid: whether the pads of each hand touched anything in the last step (n,).
             phase: sim steps since the last solution.
 
         Returns:
@@ -148,7 +149,11 @@ class PushedArms(ControlledArms):
         """
         arm, (entries, closed) = self._dynamics, self._split(action)
         state = self._advance_command(_pushed(state, push), entries, phase > 0)
-        pose, before = self._poses(state.positions), state.fingers
+        pose = self._poses(state.positions)
+        points, _, velocities = inverse_kinematics.hands(
+            self.kinematics, arm.chain, pose, state.speeds
+        )
+        solid = self._solid(state, closed, self._clear(state, points, vertices), solid)
         state = self._gripped(state, closed)
         touches = solid[:, None] | ~self.is_pad
         later, inertia, solids = self._part(state, pose, phase + 1.0, fixed, touches)
@@ -159,16 +164,34 @@ class PushedArms(ControlledArms):
             accelerations=(later.speeds - state.speeds) / arm.timestep,
             responses=jax.vmap(hands.responses)(jacobians, inertia),
         )
-        points, _, velocities = inverse_kinematics.hands(
-            self.kinematics, arm.chain, pose, state.speeds
-        )
-        fingers = state.positions[:, self._joints :]
-        return later, found, Hands(points, velocities, fingers, before, solids, jacobians)
+        return later, found, Hands(points, velocities, solid, solids, jacobians)
 
     def _split(self, action: jax.Array) -> tuple[jax.Array, jax.Array]:
         """Returns entries (n, k) of an action without grips, and which hands it closes (n,)."""
         each = action.reshape(len(self.kinematics.base), -1)
         return each[:, :-1], each[:, -1] > 0.0
+
+    def _clear(self, state: ArmState, points: jax.Array, vertices: jax.Array) -> jax.Array:
+        """Returns which hands (n,) are open and clear of vertices, as `Fingers.clear`."""
+        opened = state.positions[:, self._joints :].min(1) > sum(self._arm.finger_range) / 2
+        squares = ((vertices - points[:, None]) ** 2).sum(-1)
+        return opened & (squares.min(1) > OUT_OF_THE_WAY**2)
+
+    def _solid(
+        self, state: ArmState, closed: jax.Array, clear: jax.Array, solid: jax.Array
+    ) -> jax.Array:
+        """Returns whether the pads of each hand (n,) touch anything, as `Grasp.plan`.
+
+        Args:
+            state: state of the arms, with the finger commands of the last sim step.
+            closed: which hands close (n,).
+            clear: result of `_clear`.
+            solid: the last result.
+        """
+        if self._grasp == "attach":
+            return ~closed & (solid | clear)
+        opening = state.fingers.min(1) < self._arm.finger_range[1]
+        return closed | jnp.where(~solid | opening, clear, solid)
 
     def _gripped(self, state: ArmState, closed: jax.Array) -> ArmState:
         """Returns the state with the fingers commanded for a sim step, as `Grasp.plan`."""

@@ -5,39 +5,29 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from softgym_mj.metrics import Array, lengths
-from softgym_mj.robots.arm.fingers import OUT_OF_THE_WAY
 from softgym_mj.robots.arm.grasps import DRAW_SPEED, PICK_DISTANCE, PRESSING
-from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.grip import NONE, GripCommand, GripLimits
 from softgym_mj.vector.batch.pickers import PickerBatch
 
 
 class HandGrips(PickerBatch):
-    """Grips of hands, and whether their pads push the object."""
+    """Grips of hands."""
 
-    def __init__(self, state: dict[str, Any], xp: Any, hands: Mapping[str, Array], arm: Arm):
+    def __init__(self, state: dict[str, Any], xp: Any, hands: Mapping[str, Array]):
         """Configures the hands.
 
         Args:
             state: As in `PickerBatch`.
             xp: Array namespace.
             hands: Arrays of `Hands` by name before each sim step; "closed" is whether they grip.
-            arm: Kind of arm.
         """
         super().__init__(state, xp, hands["points"].shape[1], 0.0, PICK_DISTANCE)
-        self._hands, self._arm = hands, arm
+        self._hands = hands
 
     def command(self, actions: Array) -> None:
         closed = self._hands["closed"]
         closed[...] = actions.reshape((*closed.shape, -1))[..., -1] > 0.0
-
-    def _clear(self, offsets: Callable[[Array], Array], present: Array) -> Array:
-        """Returns which hands are open and clear of the object, as `Fingers.clear`."""
-        xp, hands = self._xp, self._hands
-        distances = xp.where(present[:, None], lengths(offsets(hands["points"])), math.inf)
-        opened = xp.min(hands["fingers"], axis=-1) > sum(self._arm.finger_range) / 2
-        return opened & (xp.min(distances, axis=-1) > OUT_OF_THE_WAY)
 
 
 class AttachGrips(HandGrips):
@@ -49,7 +39,6 @@ class AttachGrips(HandGrips):
         state["center"] = xp.asarray(tools, copy=True)
         self._command = GripCommand(xp.zeros_like(tools), closed)
         super().plan(offsets, present)
-        state["solid"] = ~closed & (state["solid"] | self._clear(offsets, present))
         distances = xp.clip(lengths(state["offset"]), min=1e-9)
         drawn = xp.clip(1.0 - DRAW_SPEED * SIM_STEP / distances, min=0.0)
         moves = xp.any(state["held"] >= 0, axis=1)[:, None]
@@ -65,12 +54,6 @@ class AttachGrips(HandGrips):
 
 class FrictionGrips(HandGrips):
     """The rules of `FrictionGrasp`: vertices that both pads of a hand press on."""
-
-    def plan(self, offsets: Callable[[Array], Array], present: Array) -> None:
-        xp, hands, solid = self._xp, self._hands, self._state["solid"]
-        opening = xp.min(hands["commands"], axis=-1) < self._arm.finger_range[1]
-        clear = self._clear(offsets, present)
-        self._state["solid"] = hands["closed"] | xp.where(~solid | opening, clear, solid)
 
     def sense(self, tools: Array, offsets: Callable[[Array], Array], pushes: Array) -> None:
         """Ends a sim step, outside of graphs.

@@ -1,6 +1,7 @@
 """`ArmClothBatch`: batch physics of a rope or cloth with robot arms."""
 
 import functools
+import math
 from typing import Any
 
 import jax
@@ -78,7 +79,7 @@ class ArmClothBatch(JaxArms, ClothBatch):
         xp, zeros, number = self._xp, self._device.zeros, self._actor.num_grippers
         (solids, dofs), lead = self._solids(), (num_envs, number)
         # CUDA graphs refer to addresses: results of JAX are copied into these arrays.
-        sizes = {"points": 3, "velocities": 3, "fingers": 2, "commands": 2}
+        sizes = {"points": 3, "velocities": 3}
         self._hands = {name: zeros((*lead, size), "float64") for name, size in sizes.items()}
         self._hands["closed"] = zeros(lead, "bool")
         each = {
@@ -92,7 +93,7 @@ class ArmClothBatch(JaxArms, ClothBatch):
         self._moved["touching"] = self._device.put(np.ones((num_envs, solids), bool))
         self._actions = zeros((num_envs, self._actor.action_size), "float64")
         kind = AttachGrips if self._attaches else FrictionGrips
-        return kind(self.state, xp, self._hands, self._actor.arm)
+        return kind(self.state, xp, self._hands)
 
     # ------------------------------------------------------------------ the environment
 
@@ -163,19 +164,26 @@ class ArmClothBatch(JaxArms, ClothBatch):
                 push = self._pushed()
             if phase == 0:
                 self._now = arms.solve(self._now, self._action)
-            told = self._action, self._fixed, self._shared(self.state["solid"])
+            solid = self._shared(self.state["solid"])
+            told = self._action, self._shared(self._vertices()), self._fixed, solid
             self._now, self._push, hands = arms.step_alone(self._now, push, *told, phase)
         solids = {**hands.solids._asdict(), "jacobians": hands.jacobians}
         solids["responses"] = self._push.responses
         moved = {name: array[:, self._hand_solids] for name, array in self._moved.items()}
         for into, arrays in ((self._hands, hands._asdict()), (moved, solids)):
             put(into, {name: arrays[name] for name in into if name in arrays})
+        put(self.state, {"solid": hands.solid})
         if self._count > 0:
             self._sense(self._hands["points"])
         # JAX and PyTorch queue work separately and wait for each other where arrays are shared.
         # The last results may be overwritten only now that such a wait has been queued.
         self._results = hands, told, push
         self._count += 1
+
+    def _vertices(self) -> Array:
+        """Returns positions of vertices (num_envs, v, 3) [m]; infinite ones do not exist."""
+        present = self.state["present"]
+        return self._xp.where(present[..., None], self.points(present.shape[1]), math.inf)
 
     def finish(self) -> None:
         with jax.enable_x64(True):
@@ -209,7 +217,6 @@ class ArmClothBatch(JaxArms, ClothBatch):
         if self._attaches:
             super().sim_step()
             return
-        self._pickers.plan(self._offsets, self.state["present"])
         self._step(self._xp.zeros_like(self.state["center"]))
 
     def _step(self, goals: Array) -> None:
