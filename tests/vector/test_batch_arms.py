@@ -31,6 +31,7 @@ SETTINGS = {
     "actor": "franka",
 }
 STEPS = 20  # Env steps over which paths of the arms are compared.
+REPLAYS = 8  # Of an episode whose outcome is chaotic.
 
 
 def _make(task, **settings):
@@ -52,6 +53,21 @@ def _random(number, seed=0):
 def _recorded(task, **settings):
     """An expert's episodes on the CPU: actions, observations and infos of each variation."""
     return recorded(softgym_mj.load(task, **{**SETTINGS, **settings}), VARIATIONS)
+
+
+def _replayed(task, **settings):
+    """Scores (REPLAYS, variations) on the CPU of `_recorded` actions on objects moved by 1 nm."""
+    env, random = softgym_mj.load(task, **{**SETTINGS, **settings}), np.random.default_rng(0)
+    scores = np.empty((REPLAYS, len(VARIATIONS)))
+    for i, (actions, _) in enumerate(_recorded(task, **settings)):
+        for k in range(REPLAYS):
+            env.reset(VARIATIONS[i])
+            slides = env.task.flexes.flexes[0].slides
+            slides += random.uniform(-1e-9, 1e-9, slides.shape)
+            for action in actions:
+                env.step(action)
+            scores[k, i] = env.info()["normalized_performance"]
+    return scores
 
 
 def _tools_and_joints(sensed):
@@ -87,14 +103,21 @@ def test_an_expert_acts_as_in_environments(case):
     expected = np.array(
         [[each["proprioception"] for each, _ in seen[1:]] for _, seen in episodes]
     ).swapaxes(0, 1)
-    both = map(_tools_and_joints, (np.array(sensed)[:STEPS], expected[:STEPS]))
+    steps = None if task == "route_cable" else STEPS  # The rope hardly moves arms.
+    both = map(_tools_and_joints, (np.array(sensed)[:steps], expected[:steps]))
     points, joints = (np.abs(a - b) for a, b in zip(*both, strict=True))
     assert np.sqrt(np.mean(points**2)) < 1e-3
     assert np.sqrt(np.mean(joints**2)) < 1e-3
     if task != "spread_cloth":  # Crumpled cloth under a hand is chaotic.
-        assert points.max() < 1e-3
-        scores = [seen[-1][1]["normalized_performance"] for _, seen in episodes]
-        np.testing.assert_allclose(infos["normalized_performance"], scores, atol=0.03)
+        assert points.max() < (2e-4 if task == "route_cable" else 1e-3)
+        scores = np.array([[seen[-1][1]["normalized_performance"] for _, seen in episodes]])
+        if task == "route_cable":
+            # Whether the rope slips into a clip is chaotic: 1e-12 m change it in variation 800, and
+            # so do other roundings, such as those of another LAPACK (SciPy's) under JAX.
+            scores = np.concatenate([scores, _replayed(task, **settings)])
+        found = infos["normalized_performance"]
+        np.testing.assert_array_less(scores.min(0) - 0.03, found)
+        np.testing.assert_array_less(found, scores.max(0) + 0.03)
     assert np.any(held)
     envs.close()
 
