@@ -30,7 +30,7 @@ SETTINGS = TrainingSettings(
 )
 
 
-def test_seeds_apart_are_those_side_by_side(tmp_path):
+def test_seeds_apart_are_those_side_by_side(tmp_path, no_policies):
     ended = []
     rows = train_each(
         SETTINGS, METHOD, [0, 1], tmp_path / "apart", "host", None, SerialExecutor(),
@@ -76,7 +76,7 @@ def test_joined_folders_are_one_training_of_all_seeds(tmp_path):
         assert line in (tmp_path / "out" / "episodes.csv").read_text().splitlines()
 
 
-def test_trainings_that_differ_or_have_not_ended_are_not_joined(tmp_path):
+def test_trainings_that_differ_or_have_not_ended_are_not_joined(tmp_path, no_policies):
     first = _trained(tmp_path / "first", [0])
     longer = _trained(tmp_path / "longer", [1], env_steps=16)
     with pytest.raises(StoreError, match=r"training in .*longer.* differ"):

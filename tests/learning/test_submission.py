@@ -1,6 +1,7 @@
 """`learning submit`: scores of other code's policies, against episodes played one by one."""
 
 import json
+import shutil
 
 import pytest
 import torch
@@ -31,12 +32,19 @@ class Constant(torch.nn.Module):
         return seen[:, :1] * 0.0 + action
 
 
-@pytest.fixture(name="folder")
-def _folder(tmp_path):
+@pytest.fixture(name="policies", scope="module")
+def _policies(tmp_path_factory):
+    """A folder with a policy of each of two seeds."""
+    folder = tmp_path_factory.mktemp("policies")
     for seed in range(2):
         exported = torch.export.export(Constant(float(seed)), (torch.zeros(1, SIZE),))
-        torch.export.save(exported, tmp_path / f"policy_{seed}.pt2")
-    return tmp_path
+        torch.export.save(exported, folder / f"policy_{seed}.pt2")
+    return folder
+
+
+@pytest.fixture(name="folder")
+def _folder(policies, tmp_path):
+    return shutil.copytree(policies, tmp_path / "own")
 
 
 @pytest.fixture(autouse=True)
