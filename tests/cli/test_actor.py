@@ -22,9 +22,8 @@ def test_a_rollout_is_played_by_the_actor(monkeypatch):
     assert result.exit_code == 0, result.output
     line = json.loads(result.output)
     env = softgym_mj.load("straighten_rope", actor="sawyer", grasp="friction", split="evaluate")
-    timestep, policy = env.reset(800), make_policy("random", env, 3)
-    while not timestep.last():
-        timestep = env.step(policy(timestep))
+    for _ in env.play(make_policy("random", env, 3), 800):
+        pass
     assert (line["actor"], line["grasp"]) == ("sawyer", "friction")
     assert line["normalized_performance"] == env.info()["normalized_performance"]
 

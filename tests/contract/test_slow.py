@@ -66,10 +66,8 @@ def scores_of_the_expert(task, **settings):
     env = softgym_mj.load(task, split="evaluate", **settings)
     scores = []
     for variation in range(800, 820):
-        act = make_policy(env)
-        timestep = env.reset(variation)
-        while not timestep.last():
-            timestep = env.step(act(timestep))
+        for _ in env.play(make_policy(env), variation):
+            pass
         scores.append(env.info()["normalized_performance"])
     return scores
 

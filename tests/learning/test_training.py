@@ -132,10 +132,8 @@ def test_who_sees_what_is_held_plays_as_its_evaluation(tmp_path):
     for k, seed in enumerate(training.seeds):
         name = str(tmp_path / f"policy_{seed}.pt2")
         assert observes(name) == {"observation": "markov"}
-        act = make_policy(name, env, seed, trust=True)
-        timestep = env.reset(830)
-        while not timestep.last():
-            timestep = env.step(act(timestep))
+        for _ in env.play(make_policy(name, env, seed, trust=True), 830):
+            pass
         assert env.info()["normalized_performance"] == pytest.approx(scores[k], abs=1e-3)
 
 

@@ -86,9 +86,8 @@ def run(command, monkeypatch):
 def scores(policy, task="own_pull"):
     """Normalized performance at the end of variation 800."""
     env = softgym_mj.load(task, split="evaluate")
-    timestep = env.reset(800)
-    while not timestep.last():
-        timestep = env.step(policy(env.step_count))
+    for _ in env.play(lambda timestep: policy(env.step_count), 800):
+        pass
     return env.info()["normalized_performance"]
 
 

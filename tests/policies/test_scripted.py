@@ -12,9 +12,8 @@ def play(task, variation, **kwargs):
     """Final info of an episode; whether the expert had finished by then is a key of its own."""
     env = softgym_mj.load(task, split="evaluate", **kwargs)
     act = make_policy(env)
-    timestep = env.reset(variation)
-    while not timestep.last():
-        timestep = env.step(act(timestep))
+    for _ in env.play(act, variation):
+        pass
     return {**env.info(), "finished": act.finished}
 
 

@@ -142,10 +142,8 @@ def test_symmetries_keep_the_score_and_move_the_observation(env):
 
 def play(variation, **settings):
     env = softgym_mj.load("fold_shirt", split="all", count_intersections=True, **settings)
-    timestep = env.reset(variation)
-    policy = make_policy("scripted", env)
-    while not timestep.last():
-        timestep = env.step(policy(timestep))
+    for _ in env.play(make_policy("scripted", env), variation):
+        pass
     return env
 
 

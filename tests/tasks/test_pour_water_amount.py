@@ -82,9 +82,8 @@ def test_the_bar_tells_where_the_water_will_stand():
     from softgym_mj.policies.experts import make_policy
 
     env = softgym_mj.load("pour_water_amount", split="evaluate", fidelity="fast")
-    act, timestep = make_policy(env), env.reset(802)
-    while not timestep.last():
-        timestep = env.step(act(timestep))
+    for _ in env.play(make_policy(env), 802):
+        pass
     assert env.info()["normalized_performance"] > 0.9
     positions = env.task.water.points()
     inside = positions[env.task.target.inside(positions)]

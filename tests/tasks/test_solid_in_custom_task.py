@@ -25,10 +25,8 @@ def played(page, actor, variation):
     """The environment after an episode of the task's expert."""
     task = page["HangTowel"](actor=actor)
     env = Environment(task, name="hang_towel", horizon=task.horizon, split="all")
-    timestep = env.reset(variation)
-    policy = make_policy("scripted", env)
-    while not timestep.last():
-        timestep = env.step(policy(timestep))
+    for _ in env.play(make_policy("scripted", env), variation):
+        pass
     return env
 
 
