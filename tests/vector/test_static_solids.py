@@ -6,46 +6,32 @@ import pytest
 import softgym_mj
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.policies.factory import make_policy
+from tests.vector.experts import expert_episode
 
 SETTINGS = {"observation": "full", "split": "all", "fidelity": "fast", "horizon": 60}
 VARIATIONS = [803, 811]
 FROM = 45  # Env step after which the towel hangs.
 
 
-def expert_episode(variation):
-    """Actions of the scripted expert, and what an environment observes and is rewarded for them."""
-    env = SoftGymEnv("hang_cloth", **SETTINGS)
-    env.reset(options={"variation": variation})
-    expert = make_policy("scripted", env.dm_env)
-    timestep = env.dm_env.reset(variation)
-    actions = []
-    while not timestep.last():
-        actions.append(np.asarray(expert(timestep), np.float32))
-        timestep = env.dm_env.step(actions[-1].astype(float))
-    env.reset(options={"variation": variation})
-    return env, np.array(actions), [env.step(action)[:2] for action in actions]
-
-
 @pytest.fixture(scope="module")
 def episodes():
-    return [expert_episode(variation) for variation in VARIATIONS]
+    return [expert_episode("hang_cloth", variation, **SETTINGS) for variation in VARIATIONS]
 
 
 def test_rows_are_environments_with_a_bar_each(episodes):
     envs = softgym_mj.make_vec("hang_cloth", 2, device="host", **SETTINGS)
     envs.reset(seed=0, options={"variation": VARIATIONS})
-    for k, actions in enumerate(zip(*(actions for _, actions, _ in episodes), strict=True)):
+    for k, actions in enumerate(zip(*(actions for _, actions, _ in episodes), strict=True), 1):
         observations, rewards, *_ = envs.step(np.stack(actions))
-        for i, (_, _, results) in enumerate(episodes):
-            np.testing.assert_array_equal(observations[i], results[k][0])
-            assert rewards[i] == pytest.approx(results[k][1], rel=1e-12)
+        for i, (_, _, played) in enumerate(episodes):
+            np.testing.assert_array_equal(observations[i], played[k][0])
+            assert rewards[i] == pytest.approx(played[k][1], rel=1e-12)
     assert rewards.min() > 0.7
     envs.close()
 
 
 def test_a_snapshot_of_a_hanging_towel_continues_anywhere(episodes):
-    (env, actions, results), _ = episodes
+    (env, actions, played), _ = episodes
     envs = softgym_mj.make_vec("hang_cloth", 2, device="host", **SETTINGS)
     envs.reset(seed=0, options={"variation": VARIATIONS[0]})
     for action in actions[:FROM]:
@@ -53,7 +39,7 @@ def test_a_snapshot_of_a_hanging_towel_continues_anywhere(episodes):
     snapshot = envs.get_state()[1]
     env.reset(options={"variation": VARIATIONS[1]})
     env.set_state(snapshot)
-    for action, (observation, _) in zip(actions[FROM:], results[FROM:], strict=True):
+    for action, (observation, _) in zip(actions[FROM:], played[FROM + 1 :], strict=True):
         np.testing.assert_array_equal(env.step(action)[0], observation)
     envs.close()
 
