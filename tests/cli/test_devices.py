@@ -23,7 +23,12 @@ def test_bench_counts_env_steps(device):
 
 
 @pytest.mark.parametrize(
-    "kernels", [("fluid", "measures"), pytest.param(tuple(gpu.KERNELS), marks=pytest.mark.slow)]
+    "kernels",
+    [
+        ("measures",),
+        pytest.param(("fluid", "measures"), marks=pytest.mark.long),
+        pytest.param(tuple(gpu.KERNELS), marks=pytest.mark.slow),
+    ],
 )
 def test_kernels_are_compiled_once(tmp_path, monkeypatch, kernels):
     pytest.importorskip("cuda.core")
