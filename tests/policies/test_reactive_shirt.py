@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from softgym_mj.policies.reactive import fold_shirt, shirt
+from softgym_mj.policies.reactive import arcs, fold_shirt, shirt
 from tests.policies.reactive_episodes import check_batches, fast_or_all, play
 
 CHEST, ARMHOLE, LENGTH, SLEEVE = 0.2, 0.16, 0.5, 0.15  # [m]
@@ -70,13 +70,13 @@ def test_a_cuff_follows_half_circles_about_the_armhole(ends, angle):
 
     def places(angle):
         share = (1.0 - math.cos(angle)) / 2
-        across = CHEST + radii * math.cos(angle) + shirt.SHORT * share
-        height = radii * math.sin(angle) + shirt.LAID * share
+        across = CHEST + radii * math.cos(angle) + arcs.SHORT * share
+        height = radii * math.sin(angle) + arcs.LAID * share
         return np.column_stack([sign * across, LEFT[1:3, 1], height])
 
     keys[list(ends)] = places(angle)
     moves, grips = moved(seen(keys, keys[list(ends)] + ABOVE, (1, 1)))
-    after = places(angle + 2 * shirt.PACE / radii.sum()) - keys[list(ends)]
+    after = places(angle + 2 * arcs.PACE / radii.sum()) - keys[list(ends)]
     limit = shirt.SPEED * STRIDE
     after *= np.minimum(limit / np.abs(after).max(axis=1, keepdims=True), 1.0)
     np.testing.assert_allclose(moves, after, atol=4e-3)  # Circles end above their beginning.
@@ -86,7 +86,7 @@ def test_a_cuff_follows_half_circles_about_the_armhole(ends, angle):
 def test_a_cuff_is_released_at_its_reflection():
     keys = folded_in(flat())
     keys[[8, 9], :] = flat()[[8, 9], :]
-    keys[[1, 2], 2] = shirt.LAID
+    keys[[1, 2], 2] = arcs.LAID
     moves, grips = moved(seen(keys, keys[[1, 2]] + ABOVE, (1, 1)))
     assert np.abs(moves).max() < 0.01
     assert grips == [-1.0, -1.0]
@@ -127,14 +127,14 @@ def test_a_picker_waits_for_the_other_one_and_opens_if_it_holds_something_else()
 
 def test_the_hem_follows_the_circle_that_ends_at_the_shoulders():
     keys, radius = folded_in(flat()), LENGTH / 2
-    keys[[0, 10], 1:] = -radius, radius + shirt.LAID
+    keys[[0, 10], 1:] = -radius, radius + arcs.LAID
     moves, grips = moved(seen(keys, keys[[0, 10]] + ABOVE, (1, 1)))
-    turn = shirt.PACE / radius
+    turn = arcs.PACE / radius
     np.testing.assert_allclose(moves[:, 0], 0.0, atol=1e-9)
     np.testing.assert_allclose(moves[:, 1], min(radius * math.sin(turn), 0.048), atol=3e-3)
     np.testing.assert_allclose(moves[:, 2], radius * (math.cos(turn) - 1.0), atol=0.012)
     assert grips == [1.0, 1.0]
-    keys[[0, 10], 1:] = 0.0, shirt.LAID
+    keys[[0, 10], 1:] = 0.0, arcs.LAID
     assert moved(seen(keys, keys[[0, 10]] + ABOVE, (1, 1)))[1] == [-1.0, -1.0]
 
 

@@ -6,10 +6,10 @@ The radius of a sleeve's circle is observed: a taut sleeve's cuff stays on it, a
 shows it while it rests. The hem lands at the shoulders, whatever the length of the shirt.
 """
 
-import math
 from typing import NamedTuple
 
 from softgym_mj.metrics import Array, lengths, namespace
+from softgym_mj.policies.reactive.arcs import LAID, SHORT, over, turned
 from softgym_mj.policies.reactive.body import (
     ARMPIT,
     FLARE,
@@ -27,12 +27,8 @@ TRAVEL = 0.25  # [m] Height of pickers on the way.
 # [m] Height of a grasp above its key point; distance along every axis at which a picker closes;
 # distance of a held vertex from the key point that it counts as.
 ABOVE, READY, SAME = 0.057, 0.012, 0.06
-PACE, SPEED = 0.05, 0.6  # [m] Way along a circle in an env step; limit, as fraction of full speed.
-# Braking: share of the remaining angle, and angle [rad], of an env step.
-BRAKING, CREEP = 0.4, 0.05
-# [m] Distance before its place at which a vertex is released, as folds spring back by a few
-# millimeters; its height then; tolerances along every horizontal axis and upwards.
-SHORT, LAID, ARRIVED, LOW = -0.003, 0.022, 0.015, 0.003
+SPEED = 0.6  # Limit of the speed of pickers that hold an end, as fraction of full speed.
+ARRIVED, LOW = 0.015, 0.003  # [m] Tolerances of a release along every horizontal axis and upwards.
 FLOOR = 0.05  # [m] Lowest center of a picker; what it holds at its side gets no lower.
 LIFTED = 0.05  # [m] Height from which a vertex is carried on if the other end was lost.
 # A cuff counts as out from a distance from its place [m] or a share of its circle's radius on,
@@ -136,7 +132,7 @@ def _sleeve(
         seams = [inner - points[..., ARMPIT[k], :], outer - points[..., SHOULDER[k], :]]
         reach = lengths(seams[0]) + lengths(seams[1])
         away = [_away(end, frame, k) for end in (inner, outer)]
-        radii = [xp.sqrt(n * n + _over(n, z) ** 2) for n, z in away]
+        radii = [xp.sqrt(n * n + over(n, z) ** 2) for n, z in away]
         shapes.append((reach, radii, [inner[..., 1], outer[..., 1]], away))
     (reach, radii, heights, away), (other_reach, other_radii, other_heights, _) = shapes
     share = xp.clip(0.5 + (reach - other_reach) / (2.0 * EVEN), 0.0, 1.0)
@@ -150,11 +146,11 @@ def _sleeve(
     out = xp.maximum(*errors)
     holds = _holds(points, places, hands, ends)
     away = [_away(place, frame, side) for place in _held(points, places, holds, ends)]
-    turned = _turned(away, radii)
+    moved = turned(away, radii)
     sign = 1.0 - 2.0 * side
     goals = [
         xp.stack([sign * (frame.chest + n), height, z], axis=-1)
-        for (n, z), height in zip(turned, heights, strict=True)
+        for (n, z), height in zip(moved, heights, strict=True)
     ]
     finals = [
         xp.stack([sign * (frame.chest - radius + SHORT), height, LAID + 0.0 * height], axis=-1)
@@ -181,9 +177,9 @@ def _hem(
         (frame.top - place[..., 1] - radius, place[..., 2])
         for place in _held(points, places, holds, HEM)
     ]
-    turned = _turned(away, [radius, radius])
+    moved = turned(away, [radius, radius])
     goals, finals = [], []
-    for sign, (n, z) in zip((1.0, -1.0), turned, strict=True):
+    for sign, (n, z) in zip((1.0, -1.0), moved, strict=True):
         goals.append(xp.stack([sign * half, frame.top - radius - n, z], axis=-1))
         finals.append(xp.stack([sign * half, frame.top - SHORT, LAID + 0.0 * half], axis=-1))
     return _part(points, centers, places, holds, HEM, goals, finals), folded
@@ -261,32 +257,6 @@ def _held(points: Array, places: Array, holds: Array, ends: tuple[int, int]) -> 
                 place = xp.where(holds[..., i, end, None], places[..., i, :], place)
         result.append(place)
     return result
-
-
-def _turned(away: list[tuple[Array, Array]], radii: list[Array]) -> list[tuple[Array, Array]]:
-    """Returns distances from the axis (...), horizontal and up, a step later on half circles.
-
-    Args:
-        away: the same before, of both ends [m].
-        radii: of their circles (...) [m].
-    """
-    xp = namespace(radii[0])
-    across, height = away[0][0] + away[1][0], away[0][1] + away[1][1]
-    angle = xp.atan2(_over(across / 2, height / 2), across / 2)
-    pace = 2.0 * PACE / xp.clip(radii[0] + radii[1], 0.01, None)
-    slowed = BRAKING * (math.pi - angle) + CREEP
-    angle = xp.clip(angle + xp.minimum(pace, slowed), None, math.pi)
-    cosine, sine = xp.cos(angle), xp.sin(angle)
-    share = (1.0 - cosine) / 2
-    return [(radius * cosine + SHORT * share, radius * sine + LAID * share) for radius in radii]
-
-
-def _over(across: Array, height: Array) -> Array:
-    """Returns the height (...) [m] over a circle's ends, the second of which is higher."""
-    xp = namespace(height)
-    size = xp.sqrt(across * across + height * height)
-    share = (1.0 - across / xp.clip(size, 0.01, None)) / 2
-    return xp.clip(height - LAID * share, 0.0, None)
 
 
 def _away(point: Array, frame: Frame, side: int) -> tuple[Array, Array]:
