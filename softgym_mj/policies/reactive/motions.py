@@ -46,7 +46,7 @@ def at(across: Array, height: Array) -> Array:
     return namespace(across).concat([across, height[..., None]], axis=-1)
 
 
-def funnel(center: Array, end: Array, high: float) -> Array:
+def funnel(center: Array, end: Array, high: float, narrow: float = NARROW) -> Array:
     """Returns the goal (..., 3) [m] of a picker that moves over a position and down to it.
 
     Nothing changes abruptly, because averages of abrupt changes would stop those who imitate it.
@@ -55,9 +55,10 @@ def funnel(center: Array, end: Array, high: float) -> Array:
         center: position of the picker (..., 3) [m].
         end: position at which the motion ends (..., 3) [m].
         high: height far from it [m].
+        narrow: radius of the funnel at the bottom [m].
     """
     xp = namespace(center)
-    outside = xp.clip(lengths((end - center)[..., :2]) - NARROW, 0.0, None)
+    outside = xp.clip(lengths((end - center)[..., :2]) - narrow, 0.0, None)
     level = xp.clip(end[..., 2] + SLOPE * outside, None, high)
     share = xp.clip(1.0 - (level - center[..., 2]) / BELOW, 0.0, 1.0)
     across = center[..., :2] + share[..., None] * (end - center)[..., :2]

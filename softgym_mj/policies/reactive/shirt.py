@@ -24,11 +24,16 @@ from softgym_mj.policies.reactive.hands import Hands, found_hands
 from softgym_mj.policies.reactive.motions import Motion, actions, at, funnel
 
 TRAVEL = 0.25  # [m] Height of pickers on the way.
-# [m] Height of a grasp above its key point; distance along every axis at which a picker closes;
-# distance of a held vertex from the key point that it counts as.
-ABOVE, READY, SAME = 0.057, 0.012, 0.06
+# [m] Height of a grasp above its key point; horizontal distance from it up to which a picker is
+# closed, before the vertex is in reach: imitators never learned to close for a moment only;
+# radius of the funnel's bottom, where vertices are in reach; distance of a held vertex from the key
+# point that it counts as.
+ABOVE, READY, WIDE, SAME = 0.053, 0.035, 0.02, 0.05
 SPEED = 0.6  # Limit of the speed of pickers that hold an end, as fraction of full speed.
-ARRIVED, LOW = 0.015, 0.003  # [m] Tolerances of a release along every horizontal axis and upwards.
+ARRIVED, LOW = 0.025, 0.012  # [m] Tolerances of a release along every horizontal axis and upwards.
+# Distance of the held ends of a cuff and of the hem, as a share of that at rest. A hold that
+# stretches the shirt by 10% is lost, which errors of actions do to ends that are as far as at rest.
+SLACK, TAUT = 0.8, 0.95
 FLOOR = 0.05  # [m] Lowest center of a picker; what it holds at its side gets no lower.
 LIFTED = 0.05  # [m] Height from which a vertex is carried on if the other end was lost.
 # A cuff counts as out from a distance from its place [m] or a share of its circle's radius on,
@@ -36,7 +41,9 @@ LIFTED = 0.05  # [m] Height from which a vertex is carried on if the other end w
 OUT, SHARE, COVERED = 0.08, 0.6, 0.08
 EVEN = 0.04  # [m] Difference of the lengths of sleeves at which one alone gives the radius.
 FOLDED = 0.07  # [m] Distance of the hem from the shoulders up to which it counts as folded.
-FOLDS = 0.19, 0.285  # [m] Range of radii of the hem's circle: half of the way to the shoulders.
+# [m] Range of radii of the hem's circle: half of the way to the shoulders; less where the cloth is
+# taut before it, as a wider circle would drag the shirt along without end.
+FOLDS = 0.1, 0.285
 
 
 class Part(NamedTuple):
@@ -106,13 +113,15 @@ def _moved(
     lifted, other_lifted = (places[..., k, 2] >= LIFTED for k in (i, other))
     swings = holds & (other_holds | lifted)
     goal = xp.where(own[..., :1], part.goals[..., 0, :], part.goals[..., 1, :])
-    carried = xp.where(swings[..., None], center + goal - place, center)
+    # A picker that holds its end alone waits near the floor.
+    waits = at(place[..., :2], xp.clip(place[..., 2], None, LAID))
+    carried = center + xp.where(swings[..., None], goal, waits) - place
     # A free picker takes the other end.
     first = xp.where(other_holds, others[..., 1], part.direct == (i == 0))
     grasp = xp.where(first[..., None], part.grasps[..., 0, :], part.grasps[..., 1, :])
-    closes = (xp.max(xp.abs(grasp - center), axis=-1) <= READY) & ~hands.lost[..., i]
-    closes = closes & ~hands.holds[..., i]
-    fetched = funnel(center, grasp, TRAVEL)
+    closes = lengths((grasp - center)[..., :2]) <= READY
+    closes = closes & ~hands.lost[..., i] & ~hands.holds[..., i]
+    fetched = funnel(center, grasp, TRAVEL, WIDE)
     # It waits above while the other one carries its end alone.
     alone = other_holds & other_lifted
     above = at(center[..., :2], xp.full_like(part.way, TRAVEL))
@@ -144,6 +153,7 @@ def _sleeve(
         for (n, _), radius in zip(away, radii, strict=True)
     ]
     out = xp.maximum(*errors)
+    radii, heights = _closer(radii), _closer(heights)
     holds = _holds(points, places, hands, ends)
     away = [_away(place, frame, side) for place in _held(points, places, holds, ends)]
     moved = turned(away, radii)
@@ -165,7 +175,7 @@ def _hem(
     """Returns the hem, and whether it is folded over (...)."""
     xp = namespace(points)
     ends = [points[..., end, :] for end in HEM]
-    half = xp.clip(lengths(ends[0] - ends[1]) / 2, frame.chest, FLARE * frame.chest)
+    half = TAUT * xp.clip(lengths(ends[0] - ends[1]) / 2, frame.chest, FLARE * frame.chest)
     below = [frame.top - end[..., 1] for end in ends]
     folded = xp.maximum(*below) <= FOLDED
     far = xp.clip((below[0] + below[1]) / 2, 0.01, None)
@@ -241,6 +251,12 @@ def _holds(points: Array, places: Array, hands: Hands, ends: tuple[int, int]) ->
     both = near[..., :1] & near[..., 1:]
     first = xp.where(both, ordered, far[0] <= far[1])
     return xp.stack([near & first, near & ~first], axis=-1)
+
+
+def _closer(ends: list[Array]) -> list[Array]:
+    """Returns coordinates (...) [m] of two ends, closer to each other by the factor `SLACK`."""
+    first, second = ends
+    return [(a + b + SLACK * (a - b)) / 2 for a, b in ((first, second), (second, first))]
 
 
 def _held(points: Array, places: Array, holds: Array, ends: tuple[int, int]) -> list[Array]:
