@@ -14,12 +14,12 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
 
 SCALE = 8.0  # [1/m] Positions are multiplied by it, so that workspaces measure a few units.
-POINTS = "reduced", "key_points"  # Observations with points.
+POINTS = "reduced", "key_points", "markov"  # Observations with points.
 _HEADS = 8  # Number of attentions over the points.
 
 
 class Layout(NamedTuple):
-    """Indices of points in an observation `reduced` or `key_points`.
+    """Indices of points in an observation of `POINTS`.
 
     Attributes:
         points: of the object (n, 3).
@@ -37,7 +37,7 @@ def layout_of(env: Environment, name: str) -> Layout:
 
     Args:
         env: environment.
-        name: "reduced" or "key_points".
+        name: one of `POINTS`.
 
     Raises:
         InvalidArgumentError: unless it has points of an object, as many of a goal or none, and
@@ -46,7 +46,8 @@ def layout_of(env: Environment, name: str) -> Layout:
     task = env.task
     places: dict[str, list[int]] = {"object": [], "goal": [], "other": []}
     size = 0
-    entries = getattr(task, name)(task.scene.state(), task.episode)
+    method = "reduced" if name == "markov" else name  # `markov` begins with `reduced`.
+    entries = getattr(task, method)(task.scene.state(), task.episode)
     for entry in entries.values():
         number = np.size(entry.values)
         if entry.kind != "numbers":

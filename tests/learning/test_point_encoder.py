@@ -28,6 +28,13 @@ def test_a_layout_finds_points_goals_and_pickers(task, points):
         assert len(found.goals) == 0
 
 
+def test_a_layout_of_a_shirt_finds_what_markov_begins_with():
+    found, env, seen = layout("fold_shirt", "markov")
+    np.testing.assert_array_equal(found.points.ravel(), np.arange(33))
+    np.testing.assert_allclose(seen[found.grippers], env.task.actor.positions())
+    assert len(found.goals) == 0 and len(seen) == 47
+
+
 def test_key_points_of_a_cloth_are_spread_evenly():
     found, env, seen = layout("fold_crumpled_cloth", "key_points")
     assert found.points.shape == (64, 3) and len(found.goals) == 0

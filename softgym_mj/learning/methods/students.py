@@ -43,7 +43,7 @@ class StudentSettings:
         noise: standard deviation of the noise on actions that are carried out.
         wild_noise: the same in an eighth of the environments, added to `noise`.
         points: whether attention over the object's points encodes the numbers; for students
-            of `reduced` and other numbers.
+            of `reduced`, `key_points` or `markov` and other numbers.
 
     Raises:
         InvalidArgumentError: for a number out of range.
