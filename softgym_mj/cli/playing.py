@@ -40,7 +40,7 @@ from softgym_mj.variations.indices import check_variation
 _COLUMNS = "suite", "name", "gymnasium_id", "tags", "horizon", "action_repeat", "goal"
 VIDEO_SIZE = 480  # Side of a video [pixels].
 DEMO_JOBS = min(os.cpu_count() or 1, 4)  # Worker processes of `demo`.
-DEMO_SIZE = 400  # Side of the videos of `demo`, which plays all tasks [pixels].
+DEMO_SIZE = 320  # Side of the videos of `demo`, which plays all tasks [pixels].
 
 
 def list_tasks() -> None:
