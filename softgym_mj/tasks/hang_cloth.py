@@ -1,13 +1,12 @@
 """The task HangCloth: a towel over a bar, beyond SoftGym."""
 
-import math
 from collections.abc import Mapping
 from typing import NamedTuple, Unpack
 
 import numpy as np
 
 from softgym_mj import metrics
-from softgym_mj.entities.cloth import PARTICLE_SPACING, Cloth
+from softgym_mj.entities.cloth import Cloth
 from softgym_mj.exceptions import check_name
 from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.workspace import Workspace
@@ -118,12 +117,14 @@ class HangCloth(Task):
     def goal(self, variation: int, points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Returns X, Z and radius "bar" (3,) of the bar, and two lengths () [m].
 
-        "start" is the `passage` at the start, and "spread" that of the towel spread on the bar.
+        "start" is the `passage` at the start, and "spread" the `deviation` of the flat towel.
         """
         bar = np.array([BAR_X, *self.bar(variation)])
-        start = passage(across(self.cloth.arrays, points["cloth"], bar), bar)
-        number = self.cloth.dims[1]  # The deviation of as many particles, one spacing apart.
-        return {"bar": bar, "start": start, "spread": np.array(spread_of_row(number))}
+        start, flat = (
+            across(self.cloth.arrays, vertices, bar)
+            for vertices in (points["cloth"], self.cloth.flat())
+        )
+        return {"bar": bar, "start": passage(start, bar), "spread": deviation(flat)}
 
     def measure(self, state: State, episode: Episode) -> Measures:
         points, bar = state.points["cloth"], episode.goal["bar"]
@@ -182,11 +183,6 @@ def across(shape: Mapping[str, Array], points: Array, bar: Array) -> Across:
     aside = metrics.flat(sheet[..., 0]) - bar[..., 0, None]
     along, height = (metrics.flat(sheet[..., i]) for i in (1, 2))
     return Across(aside, along, height, metrics.particle_counts(shape))
-
-
-def spread_of_row(number: int) -> float:
-    """Returns the standard deviation [m] of a straight row of SoftGym's particles."""
-    return PARTICLE_SPACING * math.sqrt((number**2 - 1) / 12)
 
 
 def deviation(particles: Across) -> Array:
