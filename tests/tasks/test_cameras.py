@@ -22,7 +22,6 @@ SHARES = {
     "spread_cloth": 0.035,
     "fold_crumpled_cloth": 0.035,
     "drop_fold_cloth": 0.036,
-    "hang_cloth": 0.036,
 }
 MOVED = tuple(parameter.name for parameter in Arena.parameters)
 FEW = framing.RESETS[::40]
