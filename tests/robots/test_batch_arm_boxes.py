@@ -9,8 +9,8 @@ from softgym_mj.robots.arm_batch import boxes
 PAIRS = 400
 
 
-def _contacts(first, second, poses):
-    """MuJoCo's contacts of two geoms of free bodies, at poses (PAIRS, 14)."""
+def found_by_mujoco(first, second, poses):
+    """MuJoCo's contacts of two geoms of free bodies, at poses (n, 14)."""
     bodies = "".join(
         f"<body><freejoint/><geom type='{kind}' size='{' '.join(map(str, size))}' mass='1'/></body>"
         for kind, size in (first, second)
@@ -47,7 +47,7 @@ def _found(function, scenes, sizes):
 
 def test_boxes_touch_at_the_points_of_mujoco():
     sizes, numbers = ((0.009, 0.004, 0.01), (0.01, 0.002, 0.0125)), set()
-    scenes = [*_contacts(*(("box", size) for size in sizes), _poses(np.sum(sizes, axis=0)))]
+    scenes = [*found_by_mujoco(*(("box", size) for size in sizes), _poses(np.sum(sizes, axis=0)))]
     own = zip(*_found(boxes.box_box, scenes, sizes), strict=True)
     for (points, normals, distances), (*_, contacts, directions) in zip(own, scenes, strict=True):
         touch, expected = np.isfinite(distances), np.reshape(contacts, (-1, 4))
@@ -64,7 +64,7 @@ def test_boxes_touch_at_the_points_of_mujoco():
 def test_capsules_touch_boxes_at_the_deepest_point_of_mujoco():
     sizes, rested = ((0.035, 0.067), (0.05, 0.08, 0.03)), 0
     reach = np.add(sum(sizes[0]), sizes[1])
-    scenes = [*_contacts(("capsule", sizes[0]), ("box", sizes[1]), _poses(reach))]
+    scenes = [*found_by_mujoco(("capsule", sizes[0]), ("box", sizes[1]), _poses(reach))]
     own = zip(*_found(boxes.capsule_box, scenes, sizes), strict=True)
     for (points, normals, distances), (*_, expected, directions) in zip(own, scenes, strict=True):
         if distances[0] < -0.99 * sizes[0][0]:
