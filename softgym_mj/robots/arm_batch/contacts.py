@@ -1,11 +1,12 @@
 """`contacts`: hands that touch fixed solids, such as a bar or a box: friction pyramids.
 
 Parameters of pairs are MuJoCo's (https://mujoco.readthedocs.io, "Computation"), and so are contact
-points with boxes. Other pairs of solids touch at one point, the nearest one; edges of fixed
-cylinders are round.
+points with boxes. A box touches the cap of a fixed cylinder at up to four points. Other pairs of
+solids touch at one point, the nearest one; edges of fixed cylinders are round.
 """
 
-from collections.abc import Mapping, Sequence
+import functools
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -13,7 +14,7 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 
-from softgym_mj.robots.arm_batch import boxes, clearance
+from softgym_mj.robots.arm_batch import boxes, clearance, cylinders
 from softgym_mj.robots.arm_batch import chain as chains
 from softgym_mj.robots.arm_batch.chain import Chain, Pose
 from softgym_mj.robots.arm_batch.clearance import Shapes
@@ -134,13 +135,9 @@ def contacts(
     for kind, solids in fixed.items():
         position = chains.apply(yaw.T, solids.position - base)
         place = position, chains.product(yaw.T, solids.rotation)
-        for those, meet in ((is_box, _OF_BOXES.get(kind)), (~is_box, _OF_CAPSULES.get(kind))):
+        for those, meet in ((is_box, _OF_BOXES[kind]), (~is_box, _OF_CAPSULES[kind])):
             part, at = Shapes(*(each[those] for each in hand)), [each[those] for each in own]
-            if meet is None:
-                found = _nearest(part, at, solids, place)
-            else:
-                pairs = jax.vmap(jax.vmap(meet, (None, 0)), (0, None))
-                found = pairs((*at, _sizes(part)), (*place, _sizes(solids)))
+            found = meet(part, at, solids, place)
             met.append(_flat(np.flatnonzero(those), hand, solids, touches, found))
     bodies, *others = zip(*met, strict=True)
     return _pyramids(chain, pose, yaw, np.concatenate(bodies), *map(jnp.concatenate, others))
@@ -151,16 +148,26 @@ def _box_capsule(first: boxes.Solid, second: boxes.Solid) -> boxes.Manifold:
     return found._replace(normal=-found.normal)
 
 
-# Functions for pairs of a kind of fixed solid with boxes and with capsules of a hand; others touch
-# at their nearest points.
-_OF_BOXES = {"capsule": _box_capsule, "box": boxes.box_box}
-_OF_CAPSULES = {"box": boxes.capsule_box}
-
-
 def _sizes(solids: Shapes | Fixed) -> jax.Array:
-    """Returns the sizes (k, 3) of boxes, or of capsules and spheres, as in `boxes.Solid` [m]."""
+    """Returns the sizes (k, 3) [m] of boxes, capsules and spheres, as in `boxes.Solid`.
+
+    Those of cylinders are (radius, radius, half length), without the rounded edges.
+    """
     radius, core = jnp.asarray(solids.radius)[:, None], solids.core
-    return jnp.where(radius > 0.0, jnp.concatenate([radius, core[:, 2:], radius], axis=1), core)
+    capsules = jnp.concatenate([radius, core[:, 2:], radius], axis=1)
+    return jnp.where((radius == 0.0) | solids.is_round[:, None], core + radius, capsules)
+
+
+def _pairs(
+    meet: Callable[[boxes.Solid, boxes.Solid], boxes.Manifold],
+    hand: Shapes,
+    own: Sequence[jax.Array],
+    solids: Fixed,
+    place: tuple[jax.Array, jax.Array],
+) -> boxes.Manifold:
+    """Returns the contacts (k, s, n) that a function of two solids finds between all of them."""
+    each = jax.vmap(jax.vmap(meet, (None, 0)), (0, None))
+    return each((*own, _sizes(hand)), (*place, _sizes(solids)))
 
 
 def _nearest(
@@ -181,6 +188,37 @@ def _nearest(
     normal = jnp.where((ends.normal != 0.0).any(-1, keepdims=True), ends.normal, middles)
     points = 0.5 * (ends.first + ends.second)
     return boxes.Manifold(*(each[:, :, None] for each in (points, normal, ends.distance)))
+
+
+def _boxes_cylinders(
+    hand: Shapes,
+    own: Sequence[jax.Array],
+    solids: Fixed,
+    place: tuple[jax.Array, jax.Array],
+) -> boxes.Manifold:
+    """Returns contacts (k, s, 4) with caps or, of pairs without these, at the nearest points."""
+    caps = _pairs(cylinders.box_cap, hand, own, solids, place)
+    sides = _nearest(hand, own, solids, place)
+    alone = ~jnp.isfinite(caps.distance).any(-1, keepdims=True)
+    alone &= np.arange(caps.distance.shape[-1]) == 0
+    return boxes.Manifold(
+        jnp.where(alone[..., None], sides.points, caps.points),
+        jnp.where(alone[..., None], sides.normal, caps.normal),
+        jnp.where(alone, sides.distance, caps.distance),
+    )
+
+
+# Functions for the contacts of boxes and of capsules of a hand with a kind of fixed solids.
+_OF_BOXES: dict[str, Callable[..., boxes.Manifold]] = {
+    "capsule": functools.partial(_pairs, _box_capsule),
+    "cylinder": _boxes_cylinders,
+    "box": functools.partial(_pairs, boxes.box_box),
+}
+_OF_CAPSULES: dict[str, Callable[..., boxes.Manifold]] = {
+    "capsule": _nearest,
+    "cylinder": _nearest,
+    "box": functools.partial(_pairs, boxes.capsule_box),
+}
 
 
 def _flat(
