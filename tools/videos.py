@@ -30,6 +30,7 @@ ANGLE = 35.0  # Vertical field of view of the camera "overview" [deg].
 HOLD = 1200  # Duration of the last image [ms].
 STILL = 0.3  # Mean difference of two images without motion [of 255].
 REST = 6  # Images kept after the last motion.
+LONG = 75  # Number of images from which on a video of a learned policy has every second one.
 # Arguments of videos of arms that turn what they hold.
 ARMS: dict[str, dict[str, str]] = {
     "fold_cloth-tilted": {"actor": "franka", "action": "pose"},
@@ -127,8 +128,10 @@ def main(names: Sequence[str]) -> None:
             env, policy, variation, trust=learned, camera=camera, size=SIZE, passes=PASSES
         )
         frames = until_rest(episode.frames)
+        every = 2 if learned and len(frames) > LONG else 1
+        frames = frames[::-every][::-1]
         file = FOLDER / f"{name}.webp"
-        write_video(frames, round(1000 / episode.fps), file)
+        write_video(frames, round(1000 * every / episode.fps), file)
         score = episode.info["normalized_performance"][-1]
         print(f"{file.name}: {len(frames)} pictures, {file.stat().st_size / 1e3:.0f} kB, "
               f"normalized performance {score:.2f}")  # fmt: skip
