@@ -268,6 +268,17 @@ def test_students_of_points_need_numbers_with_the_reduced_state():
     torch.testing.assert_close(student(seen), expected)
 
 
+def test_students_of_points_take_those_of_the_first_observation():
+    settings = DistillSettings(**SMALL | {"features": 8}, points=True)
+    shapes = {"markov": (26,), "key_points": (198,)}
+    for observed, number in ((("markov", "key_points"), 4), (("key_points", "markov"), 64)):
+        problem = Problem(
+            "fold_crumpled_cloth", {}, [0], 4, (), 8, 1.0, "cpu", observed, shapes, 100
+        )
+        student = Distill(settings, problem, _teacher).students[0]
+        assert student.others == [*observed] and student.encoder.points.shape == (number, 3)
+
+
 def test_missing_functions_are_refused_as_teachers():
     with pytest.raises(InvalidArgumentError, match="cannot be imported"):
         training._teacher("softgym_mj.policies.reactive:missing", False)

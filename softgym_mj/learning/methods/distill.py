@@ -67,11 +67,13 @@ class Distill:
         at = problem.device
         layout = None
         if settings.points:
-            found = [name for name in POINTS if name in shapes]
-            if len(found) != 1 or any(len(shape) > 1 for shape in shapes.values()):
+            found = [name for name in own if name in POINTS]
+            if not found or any(len(shape) > 1 for shape in shapes.values()):
                 valid = f"one of {', '.join(POINTS)}, and other numbers, with points=True"
                 raise InvalidArgumentError("observation", problem.observed, valid)
-            layout = layout_of(problem.example(), *found)
+            # An encoder of points sees the first observation with points before all others.
+            shapes = {found[0]: shapes[found[0]], **shapes}
+            layout = layout_of(problem.example(), found[0])
         self.students = []
         for seed in problem.seeds:
             with torch.random.fork_rng(devices=[]):

@@ -9,7 +9,7 @@ from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
 from softgym_mj.learning.frames import pictured
-from softgym_mj.learning.point_encoder import POINTS, Layout, PointEncoder
+from softgym_mj.learning.point_encoder import Layout, PointEncoder
 from softgym_mj.validation import typed
 
 _LAYERS = ((5, 2), (3, 2), (3, 2), (3, 1))  # Kernel and stride of each convolution.
@@ -99,7 +99,7 @@ class Student(nn.Module):
             settings: sizes.
             shapes: of a single observation by name.
             action: size of an action.
-            layout: where the points are, with the setting `points`.
+            layout: where the points of the first observation are, with the setting `points`.
 
         Raises:
             InvalidArgumentError: for images that are too small.
@@ -132,7 +132,6 @@ class Student(nn.Module):
                 nn.LayerNorm(settings.features), nn.Tanh(),
             )  # fmt: skip
         else:
-            self.others.sort(key=lambda name: name not in POINTS)
             self.encoder = PointEncoder(layout, others, settings.features)
         width = settings.features + others
         head: list[nn.Module] = []
