@@ -187,7 +187,7 @@ _OTHERS: Mapping[str, Mapping[str, Any]] = {
     "transport_water": {**_CUPS, "target": (0.6, 0.0, 0.05), "radius": 0.8},
     "pour_water": {**_CUPS, "target": (0.4, 0.0, 0.2), "radius": 0.65},
     "straighten_rope": _ROPES,
-    "rope_configuration": _ROPES,
+    "rope_configuration": {**_ROPES, "radius": 0.43},
     "route_cable": _ROPES,
     "fold_cloth": _FOLDED,
     "fold_crumpled_cloth": _FOLDED,
