@@ -34,6 +34,12 @@ def play(task, names, variations, **settings):
     return env, scores, np.array(states)
 
 
+def entries(action):
+    """Returns displacements (2, 3) as fractions of full speed, and grips (2,)."""
+    action = action.reshape(2, 4)
+    return action[:, :3], action[:, 3]
+
+
 def check_batches(expert, states, atol):
     """Checks actions of batches, of tensors within `atol`; returns those of single states."""
     states = np.ascontiguousarray(states)

@@ -9,7 +9,7 @@ from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.policies import reactive
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.policies.reactive.rope import ABOVE, LAID, PUTTING
-from tests.policies.reactive_episodes import NAME, play
+from tests.policies.reactive_episodes import NAME, entries, play
 
 HIGH = 0.1  # [m] Height at which free pickers rest.
 
@@ -23,12 +23,6 @@ def seen(rope, goal, pickers, held=(0, 0), offsets=((0.0,) * 3,) * 2):
 def straight(y):
     """Returns key points (10, 3) [m] on a line parallel to X, 0.05 m apart."""
     return np.column_stack([0.05 * np.arange(10) - 0.225, np.full(10, y), np.full(10, 0.00625)])
-
-
-def entries(action):
-    """Returns displacements (2, 3) as fractions of full speed, and grips (2,)."""
-    action = action.reshape(2, 4)
-    return action[:, :3], action[:, 3]
 
 
 def test_pickers_rest_if_the_rope_is_placed():

@@ -7,7 +7,7 @@ import softgym_mj
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.envs.environment import Environment
 from softgym_mj.policies.reactive import cloth, fold_crumpled_cloth, grasps, laying
-from tests.policies.reactive_episodes import check_batches, fast_or_all, play
+from tests.policies.reactive_episodes import check_batches, entries, fast_or_all, play
 
 DIMS = (65, 81)  # 0.4 m by 0.5 m: 13 rows and 11 columns.
 ASIDE = [[-0.6, 0.6, 0.2], [-0.6, -0.6, 0.2]]
@@ -26,12 +26,6 @@ def seen(points, pickers, held=(0, 0), dims=DIMS, number=400):
     grips = [[grip, *(BELOW if grip == 1 else np.zeros(3))] for grip in held]
     parts = points, padding, pickers, corners, pickers, grips
     return np.concatenate([np.ravel(part) for part in parts])
-
-
-def entries(action):
-    """Returns displacements (2, 3) as fractions of full speed, and grips (2,)."""
-    action = action.reshape(2, 4)
-    return action[:, :3], action[:, 3]
 
 
 def hanging(points):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from softgym_mj.policies.reactive import drop, drop_fold_cloth
-from tests.policies.reactive_episodes import check_batches, fast_or_all, play
+from tests.policies.reactive_episodes import check_batches, entries, fast_or_all, play
 
 WIDTH, DEPTH = 0.66, 0.5  # [m] The width is the middle of the band WIDE.
 TOP, END = drop.WIDE.ends[0][0], max(drop.WIDE.ends[0][1], drop.LOWEST)
@@ -29,12 +29,6 @@ def seen(x, z, lag=0.0, held=(1, 1), width=WIDTH):
     grips = [[grip, 0.0, 0.0, -0.05 * (grip == 1)] for grip in held]
     parts = points, pickers, corners, pickers, grips
     return np.concatenate([np.ravel(part) for part in parts])
-
-
-def entries(action):
-    """Returns displacements (2, 3) as fractions of full speed, and grips (2,)."""
-    action = action.reshape(2, 4)
-    return action[:, :3], action[:, 3]
 
 
 def test_pickers_rise_and_then_carry_the_cloth_over_the_beginning():
