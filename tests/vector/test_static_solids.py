@@ -6,7 +6,7 @@ import pytest
 import softgym_mj
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError
-from tests.vector.experts import expert_episode
+from tests.vector.experts import check_rows, expert_episode
 
 SETTINGS = {"observation": "full", "split": "all", "fidelity": "fast", "horizon": 60}
 VARIATIONS = [803, 811]
@@ -19,15 +19,7 @@ def episodes():
 
 
 def test_rows_are_environments_with_a_bar_each(episodes):
-    envs = softgym_mj.make_vec("hang_cloth", 2, device="host", **SETTINGS)
-    envs.reset(seed=0, options={"variation": VARIATIONS})
-    for k, actions in enumerate(zip(*(actions for _, actions, _ in episodes), strict=True), 1):
-        observations, rewards, *_ = envs.step(np.stack(actions))
-        for i, (_, _, played) in enumerate(episodes):
-            np.testing.assert_array_equal(observations[i], played[k][0])
-            assert rewards[i] == pytest.approx(played[k][1], rel=1e-12)
-    assert rewards.min() > 0.7
-    envs.close()
+    assert check_rows("hang_cloth", VARIATIONS, episodes, **SETTINGS).min() > 0.7
 
 
 def test_a_snapshot_of_a_hanging_towel_continues_anywhere(episodes):
