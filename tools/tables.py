@@ -36,35 +36,6 @@ from tools.pages import between, table, with_table
 
 ROOT = pathlib.Path(__file__).parent.parent
 DOCS = ROOT / "docs"
-PAGES = (
-    README,
-    DOMAIN,
-    ROBOTS,
-    VALIDATION,
-    RESULTS,
-    PICTURES,
-    GPU,
-    REALITY,
-    PHYSICS,
-    LEARNING,
-    CUSTOM,
-    BEYOND,
-    RECIPES,
-) = (
-    ROOT / "README.md",
-    DOCS / "domain.md",
-    DOCS / "robots.md",
-    DOCS / "validation.md",
-    DOCS / "results.md",
-    DOCS / "pictures.md",
-    DOCS / "gpu.md",
-    DOCS / "reality.md",
-    DOCS / "physics.md",
-    DOCS / "learning.md",
-    DOCS / "custom_tasks.md",
-    DOCS / "softgym_plus.md",
-    DOCS / "recipes.md",
-)
 POLICIES = ("zero", "random", "scripted", "cem", "icem")
 
 
@@ -214,34 +185,35 @@ def stills() -> str:
 def pages() -> dict[pathlib.Path, str]:
     """Returns the text of each page with current tables."""
     scores: experts.Scores = measured("experts")
-    texts = {path: path.read_text() for path in PAGES}
-    texts[ROBOTS] = between(texts[ROBOTS], "speed", arm_speeds())
-    texts[README] = between(texts[README], "learned", learned.overview())
-    texts[README] = between(texts[README], "tasks", overview(scores))
-    texts[BEYOND] = between(texts[BEYOND], "tasks", beyond(scores))
-    texts[README] = between(texts[README], "reality", reality_table.summary())
-    texts[GPU] = between(texts[GPU], "speed", materials())
-    texts[GPU] = between(texts[GPU], "processes", processes())
-    texts[PICTURES] = between(texts[PICTURES], "gallery", stills())
-    for name, of in gpu_tables.TABLES.items():
-        texts[GPU] = between(texts[GPU], name, of())
-    for module in (lab_tables, rope_tables, cloth_tables, water_tables):
-        for name, of in module.TABLES.items():
-            texts[REALITY] = between(texts[REALITY], name, of())
-    texts[PHYSICS] = between(texts[PHYSICS], "lab", lab_tables.kept())
-    texts[LEARNING] = between(texts[LEARNING], "presets", presets.presets())
-    texts[LEARNING] = between(texts[LEARNING], "settings", settings_table.sac())
-    texts[CUSTOM] = between(texts[CUSTOM], "grasps", grasp_table.grasps())
-    texts[RECIPES] = between(texts[RECIPES], "lerobot", lerobot_table.scores())
-    texts[RESULTS] = between(texts[RESULTS], "commands", published_commands.commands())
-    texts[DOMAIN] = with_table(texts[DOMAIN], parameters())
-    texts[VALIDATION] = between(texts[VALIDATION], "experts", experts.table(scores))
-    texts[RESULTS] = between(texts[RESULTS], "overview", learned.matrix())
-    texts[RESULTS] = between(texts[RESULTS], "learned", learned.results())
-    texts[RESULTS] = between(texts[RESULTS], "others", learned.others())
+    named: tuple[tuple[str, dict[str, Callable[[], str]]], ...] = (
+        ("../README.md", {"learned": learned.overview, "tasks": lambda: overview(scores),
+                          "reality": reality_table.summary}),
+        ("robots.md", {"speed": arm_speeds}),
+        ("softgym_plus.md", {"tasks": lambda: beyond(scores)}),
+        ("gpu.md", {"speed": materials, "processes": processes, **gpu_tables.TABLES}),
+        ("pictures.md", {"gallery": stills}),
+        ("reality.md", {**lab_tables.TABLES, **rope_tables.TABLES, **cloth_tables.TABLES,
+                        **water_tables.TABLES}),
+        ("physics.md", {"lab": lab_tables.kept}),
+        ("learning.md", {"presets": presets.presets, "settings": settings_table.sac}),
+        ("custom_tasks.md", {"grasps": grasp_table.grasps}),
+        ("recipes.md", {"lerobot": lerobot_table.scores}),
+        ("validation.md", {"experts": lambda: experts.table(scores)}),
+        ("results.md", {"commands": published_commands.commands, "overview": learned.matrix,
+                        "learned": learned.results, "others": learned.others}),
+    )  # fmt: skip
+    texts = {}
+    for page, tables in named:
+        path = (DOCS / page).resolve()
+        text = path.read_text()
+        for name, of in tables.items():
+            text = between(text, name, of())
+        texts[path] = text
     results = read(False)
+    domain = DOCS / "domain.md"
+    texts[domain] = with_table(domain.read_text(), parameters())
     for new in (comparison.markdown(results).rstrip(), budgets(results), horizons(read(True))):
-        texts[RESULTS] = with_table(texts[RESULTS], new)
+        texts[DOCS / "results.md"] = with_table(texts[DOCS / "results.md"], new)
     return texts
 
 
