@@ -13,8 +13,6 @@ from softgym_mj.tasks.shared.settings import CupTaskSettings
 from softgym_mj.tasks.shared.state import Episode, State
 from softgym_mj.variations.indices import generator
 
-_HALF = 0.5  # [particles] A share between two whole numbers of particles counts as the lower one.
-
 
 class PourGoals(Goals):
     """Share of the water to pour, in whole particles: k = 1."""
