@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 
 from softgym_mj.cloth import solver
+from softgym_mj.entities.cloth import alternating_triangles
 from softgym_mj.entities.fabric import Fabric
 from softgym_mj.entities.intersections import count_intersections
 from softgym_mj.native.library import load_plugin
@@ -73,16 +74,7 @@ def material_of(fabric: Fabric) -> dict[str, float]:
 
 def grid(rows: int, columns: int) -> np.ndarray:
     """Triangles (m, 3) of a grid of squares with alternating diagonals, seen from above."""
-    triangles = []
-    for row in range(rows - 1):
-        for column in range(columns - 1):
-            a = row * columns + column
-            b, c, d = a + 1, a + columns, a + columns + 1
-            if (row + column) % 2 == 0:
-                triangles += [(a, b, c), (b, d, c)]
-            else:
-                triangles += [(a, d, c), (a, b, d)]
-    return np.array(triangles)
+    return alternating_triangles(rows, columns)[:, [0, 2, 1]]
 
 
 def sheet(
