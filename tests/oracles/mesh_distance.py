@@ -2,6 +2,7 @@
 
 import numpy as np
 from scipy.spatial import cKDTree
+from trimesh.triangles import closest_point
 
 _NEAREST = 32  # Triangles with the nearest centers, which are checked for each point.
 
@@ -17,8 +18,9 @@ def mesh_distance(
     count = min(_NEAREST, len(faces))
     _, nearest = cKDTree(corners.mean(axis=1)).query(points, count)
     a, b, c = np.moveaxis(corners[nearest], 2, 0)
-    p = np.broadcast_to(points[:, None], a.shape)
-    off = p - _closest_on_triangle(p, a, b, c)
+    repeated = np.repeat(points, count, axis=0)
+    off = repeated - closest_point(corners[nearest].reshape(-1, 3, 3), repeated)
+    off = off.reshape(a.shape)
     squares = _dot(off, off)
     best = squares.argmin(axis=1)[:, None, None]
     distance = np.sqrt(squares.min(axis=1))
@@ -39,24 +41,6 @@ def _winding(points, corners):
     below = size[0] * size[1] * size[2]
     below = below + _dot(a, b) * size[2] + _dot(b, c) * size[0] + _dot(c, a) * size[1]
     return np.arctan2(_dot(a, np.cross(b, c)), below).sum(axis=-1) / (2.0 * np.pi)
-
-
-def _closest_on_triangle(p, a, b, c):
-    normal = np.cross(b - a, c - a)
-    size = _dot(normal, normal)
-    v = _dot(np.cross(p - a, c - a), normal) / size
-    w = _dot(np.cross(b - a, p - a), normal) / size
-    inside = ((v >= 0) & (w >= 0) & (v + w <= 1))[..., None]
-    flat = p - (_dot(p - a, normal) / size)[..., None] * normal
-    sides = np.stack([_closest_on_segment(p, *ends) for ends in ((a, b), (b, c), (c, a))])
-    ways = _dot(p - sides, p - sides)
-    side = np.take_along_axis(sides, ways.argmin(axis=0)[None, ..., None], 0)[0]
-    return np.where(inside, flat, side)
-
-
-def _closest_on_segment(p, a, b):
-    along = np.clip(_dot(p - a, b - a) / _dot(b - a, b - a), 0.0, 1.0)
-    return a + along[..., None] * (b - a)
 
 
 def _dot(a, b):
