@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from scipy import sparse, spatial
 from scipy.sparse import csgraph
+from trimesh.triangles import closest_point
 
 from softgym_mj.entities.cloth import alternating_triangles
 from softgym_mj.entities.fabric import Fabric
@@ -104,28 +105,13 @@ class Scene:
         vertex = np.repeat(np.arange(len(points)), [len(found) for found in pairs])
         triangle = np.concatenate([np.array(found, int) for found in pairs])
         apart = ~self._near[vertex, triangle]
-        gaps = distances(points[vertex[apart]], corners[triangle[apart]])
+        own = points[vertex[apart]]
+        gaps = np.linalg.norm(own - closest_point(corners[triangle[apart]], own), axis=1)
         return float(gaps[gaps < most].min(initial=math.inf))
 
     def intersections(self, points: np.ndarray) -> int:
         """Returns the number of edges through triangles of the cloth at positions (n, 3) [m]."""
         return count_intersections(points, self.edges, self.triangles)
-
-
-def distances(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Returns the distance (n,) of each point (n, 3) from the triangle (n, 3, 3) of its row.
-
-    Where the foot of the perpendicular is in the triangle, it is the height, otherwise the smallest
-    distance from a side.
-    """
-    sides = np.roll(triangles, -1, axis=1) - triangles
-    offsets = points[:, None] - triangles
-    share = (offsets * sides).sum(2) / np.maximum((sides**2).sum(2), 1e-30)
-    to_sides = np.linalg.norm(offsets - share.clip(0.0, 1.0)[..., None] * sides, axis=2).min(axis=1)
-    normal = np.cross(sides[:, 0], sides[:, 1])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
-    inside = ((np.cross(sides, offsets) * normal[:, None]).sum(2) >= 0.0).all(axis=1)
-    return np.where(inside, np.abs((offsets[:, 0] * normal).sum(1)), to_sides)
 
 
 class Simulation(Protocol):

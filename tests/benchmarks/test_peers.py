@@ -6,22 +6,8 @@ import numpy as np
 import pytest
 
 from benchmarks.peers.__main__ import case, played
-from benchmarks.peers.scene import Scene, distances
+from benchmarks.peers.scene import Scene
 from benchmarks.peers.softgym_cloth import SoftGymCloth
-
-
-def test_the_distance_from_a_triangle_is_that_from_its_nearest_point():
-    random = np.random.default_rng(0)
-    points, triangles = random.normal(size=(40, 3)), random.normal(size=(40, 3, 3))
-    # Oracle: a dense lattice of barycentric coordinates.
-    n = 200
-    i, j = (each.ravel() for each in np.mgrid[: n + 1, : n + 1])
-    weights = np.column_stack([i, j, n - i - j])[i + j <= n] / n
-    expected = [
-        np.linalg.norm(weights @ triangle - point, axis=1).min()
-        for point, triangle in zip(points, triangles, strict=True)
-    ]
-    np.testing.assert_allclose(distances(points, triangles), expected, atol=0.02)
 
 
 def test_layers_and_neighbors():
