@@ -10,6 +10,7 @@ from softgym_mj.cli import commands
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.registry import TaskRecord
 from softgym_mj.viewing import window
+from tests.command import output_of
 
 COMMANDS = ("rollout", "record", "view")
 
@@ -18,9 +19,7 @@ def test_a_rollout_is_played_by_the_actor(monkeypatch):
     short = TaskRecord("straighten_rope", horizon=5)
     monkeypatch.setitem(softgym_mj.TASKS, short.name, short)
     command = "rollout straighten_rope --actor sawyer --grasp friction --policy random"
-    result = CliRunner().invoke(commands.app, [*command.split(), "--episodes", "1", "--seed", "3"])
-    assert result.exit_code == 0, result.output
-    line = json.loads(result.output)
+    line = json.loads(output_of(*command.split(), "--episodes", "1", "--seed", "3"))
     env = softgym_mj.load("straighten_rope", actor="sawyer", grasp="friction", split="evaluate")
     for _ in env.play(make_policy("random", env, 3), 800):
         pass
@@ -33,9 +32,7 @@ def test_a_rollout_plays_the_variations_and_names_the_default_grasp(monkeypatch)
     monkeypatch.setitem(softgym_mj.TASKS, short.name, short)
     for actor, grasp in (("picker", None), ("ur5e", "attach")):
         command = f"rollout straighten_rope --policy zero --actor {actor} --variation 806,3-4"
-        result = CliRunner().invoke(commands.app, command.split())
-        assert result.exit_code == 0, result.output
-        lines = [json.loads(line) for line in result.output.splitlines()]
+        lines = [json.loads(line) for line in output_of(*command.split()).splitlines()]
         assert [line["variation"] for line in lines] == [806, 3, 4]
         assert {line["grasp"] for line in lines} == {grasp}
 

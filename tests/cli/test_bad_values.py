@@ -5,7 +5,7 @@ import pathlib
 
 import pytest
 
-from softgym_mj.cli import commands
+from tests.command import status_of
 
 RESULTS = pathlib.Path(__file__).parents[2] / "docs" / "results"
 
@@ -52,11 +52,8 @@ ROOT = RESULTS.parents[1]
 
 def run(arguments, capsys, monkeypatch):
     """Exit status and all that was printed."""
-    monkeypatch.setattr("sys.argv", ["softgym-mj", *arguments])
-    with pytest.raises(SystemExit) as end:
-        commands.main()
-    printed = capsys.readouterr()
-    return end.value.code, printed.out + printed.err
+    status, printed = status_of(arguments, monkeypatch), capsys.readouterr()
+    return status, printed.out + printed.err
 
 
 @pytest.mark.parametrize("name", REFUSED)
@@ -89,9 +86,7 @@ def test_a_published_policy_is_evaluated_by_name(capsys, monkeypatch, tmp_path):
     """With the observation of its card: images and proprioception, without an option."""
     monkeypatch.chdir(ROOT)
     command = ["evaluate", ROPE, "--policy", "straighten_rope-distill", "--episodes", "1"]
-    monkeypatch.setattr("sys.argv", ["softgym-mj", *command, "--trust", "--out", str(tmp_path)])
-    with pytest.raises(SystemExit) as end:
-        commands.main()
-    assert end.value.code == 0, capsys.readouterr()
+    status = status_of([*command, "--trust", "--out", str(tmp_path)], monkeypatch)
+    assert status == 0, capsys.readouterr()
     result = json.loads((tmp_path / "result.json").read_text())
     assert {*result["settings"]["observation"]} == {"rgb", "proprioception", "held"}

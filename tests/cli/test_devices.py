@@ -10,14 +10,13 @@ from typer.testing import CliRunner
 from softgym_mj.batch import gpu
 from softgym_mj.cli import commands
 from softgym_mj.exceptions import InvalidArgumentError, UnavailableError
+from tests.command import output_of
 
 
 @pytest.mark.parametrize("device", ["cpu", "host"])
 def test_bench_counts_env_steps(device):
     arguments = ["bench", "straighten_rope", "--num-envs", "2", "--device", device]
-    output = CliRunner().invoke(commands.app, [*arguments, "--seconds", "0.1"])
-    assert output.exit_code == 0, output.output
-    words = output.output.split()
+    words = output_of(*arguments, "--seconds", "0.1").split()
     rate = int(words[words.index("env") - 1])
     assert 10 < rate < 1e6
 

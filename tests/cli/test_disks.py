@@ -1,10 +1,9 @@
 """Commands whose folders are full, read-only or files: one line that names the path, status 1."""
 
-import sys
-
 import pytest
 
-from softgym_mj.cli import commands, playing
+from softgym_mj.cli import playing
+from tests.command import status_of
 
 SHORT = '{"horizon": 3}'
 PLANNER = "--policy icem --horizon 2 --budget 40 --iterations 2"
@@ -27,15 +26,12 @@ STAGES = (0, *(2**i << 10 for i in range(2, 13)))  # Space that is left [bytes].
 def run(name, folder, monkeypatch, capsys):
     """Status and last line of a command that writes into a folder."""
     arguments = COMMANDS[name] + [str(folder)] * (COMMANDS[name][-1].startswith("--"))
-    monkeypatch.setattr(sys, "argv", ["softgym-mj", *arguments])
     monkeypatch.setattr(playing, "VIDEO_SIZE", 64)
     for variable in ("SOFTGYM_MJ_CACHE", "MINARI_DATASETS_PATH"):
         monkeypatch.setenv(variable, str(folder))
-    with pytest.raises(SystemExit) as ended:
-        commands.main()
-    error = capsys.readouterr().err
+    status, error = status_of(arguments, monkeypatch), capsys.readouterr().err
     assert "Traceback" not in error
-    return ended.value.code, error
+    return status, error
 
 
 def assert_named(outcome, path):

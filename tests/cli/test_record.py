@@ -7,10 +7,10 @@ import shlex
 import minari
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from softgym_mj import recording, registry
-from softgym_mj.cli import commands, data
+from softgym_mj.cli import data
+from tests.command import output_of, status_of
 
 
 @pytest.fixture(autouse=True)
@@ -20,27 +20,18 @@ def _own_datasets(tmp_path, monkeypatch):
 
 def test_the_command_line_records():
     command = "record straighten_rope --policy random --episodes 2 --seed 3 --task-settings"
-    output = CliRunner().invoke(commands.app, [*command.split(), '{"horizon": 5}'])
-    assert output.exit_code == 0, output.output
+    output_of(*command.split(), '{"horizon": 5}')
     dataset = minari.load_dataset("softgym_mj/straighten_rope/random-v0")
     first, second = dataset.iterate_episodes()
     assert len(first) == len(second) == 5
     assert not np.array_equal(first.actions, second.actions)
 
 
-def run(command, monkeypatch):
-    """What the shell would run: its exit status."""
-    monkeypatch.setattr("sys.argv", ["softgym-mj", *shlex.split(command)])
-    with pytest.raises(SystemExit) as ended:
-        commands.main()
-    return ended.value.code
-
-
 def test_the_command_line_chooses(capsys, monkeypatch):
     command = "record straighten_rope --variations 892-894 --dataset rope-v0"
     command += " --successful-only --author me --task-settings"
     command += """ '{"num_pickers": 2, "horizon": 20}'"""
-    assert run(command, monkeypatch) == 0
+    assert status_of(shlex.split(command), monkeypatch) == 0
     dataset = minari.load_dataset("rope-v0")
     assert 0 < len(dataset) < 3
     assert all(episode.infos["success"][-1] for episode in dataset)
@@ -53,12 +44,12 @@ def test_the_command_line_chooses(capsys, monkeypatch):
 
 def test_the_command_line_disturbs(capsys, monkeypatch):
     command = "record straighten_rope --episodes 2 --noise 0.3 --jobs 2 --task-settings"
-    assert run(f"""{command} '{{"horizon": 4}}'""", monkeypatch) == 0
+    assert status_of(shlex.split(f"""{command} '{{"horizon": 4}}'"""), monkeypatch) == 0
     dataset = minari.load_dataset("softgym_mj/straighten_rope/scripted-noise0-3-v0")
     for episode in dataset:
         own = episode.infos["expert_action"]
         assert own.shape == (4, 8) and not np.array_equal(own, episode.actions)
-    assert run("record straighten_rope --noise 2", monkeypatch) == 1
+    assert status_of(shlex.split("record straighten_rope --noise 2"), monkeypatch) == 1
     assert "noise=2.0 is not valid: expected a number in 0..1" in capsys.readouterr().err
 
 
@@ -79,20 +70,20 @@ def test_all_tasks_by_one_command(capsys, monkeypatch):
     place = names.index("pour_water")
     stops.__signature__ = inspect.signature(record)
     monkeypatch.setattr(recording, "record", stops)
-    assert run(command + settings, monkeypatch) == 130
+    assert status_of(shlex.split(command + settings), monkeypatch) == 130
     assert played == names[: place + 1]
     assert "0 episodes of pour_water are stored" in capsys.readouterr().err
-    assert run(command + settings, monkeypatch) == 0
+    assert status_of(shlex.split(command + settings), monkeypatch) == 0
     assert played == [*names[: place + 1], *names]
     assert capsys.readouterr().out.count("exists already") == place
     for name in names:
         dataset = minari.load_dataset(f"softgym_mj/{name}/zero-v0")
         assert [len(episode) for episode in dataset] == [2, 2]
         assert dataset.env_spec.kwargs["task"] == name
-    assert run(f"{command} '{{\"horizon\": 3}}'", monkeypatch) == 1
+    assert status_of(shlex.split(f"{command} '{{\"horizon\": 3}}'"), monkeypatch) == 1
     error = capsys.readouterr().err
     assert f"dataset='softgym_mj/{names[0]}/zero-v0' exists with different settings;" in error
-    assert run("record all --dataset all-v0", monkeypatch) == 1
+    assert status_of(shlex.split("record all --dataset all-v0"), monkeypatch) == 1
     assert "dataset='all-v0' is not valid" in capsys.readouterr().err
 
 
@@ -103,7 +94,7 @@ def test_formats_by_the_command_line(capsys, monkeypatch):
         ("--format lerobot --codec vp9", "codec='vp9' is unknown; valid choices: 'libsvtav1'"),
         ("--format lerobot --author me", "author, author_email, code_permalink=('me', None, None)"),
     ):
-        assert run(f"record straighten_rope {options}", monkeypatch) == 1
+        assert status_of(shlex.split(f"record straighten_rope {options}"), monkeypatch) == 1
         assert message in capsys.readouterr().err
 
 
@@ -127,7 +118,7 @@ def test_formats_by_the_command_line(capsys, monkeypatch):
 )
 def test_what_does_not_exist_is_not_played(arguments, message, capsys, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    assert run(arguments, monkeypatch) == 1
+    assert status_of(shlex.split(arguments), monkeypatch) == 1
     error = capsys.readouterr().err
     assert re.match(rf"InvalidArgumentError: .*{message}", error), error
     assert error.count("\n") == 1

@@ -19,6 +19,7 @@ from softgym_mj.cli import commands, playing
 from softgym_mj.entities import View
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.rendering.look import FAST, LOOKS
+from tests.command import output_of
 from tools import architecture, tables
 
 ROOT = pathlib.Path(__file__).parents[2]
@@ -181,8 +182,7 @@ def test_demo_writes_videos_that_move(tmp_path, monkeypatch):
     one = {"straighten_rope": registry.TASKS["straighten_rope"]}
     monkeypatch.setattr(softgym_mj, "TASKS", one)
     arguments = ["demo", "--out", str(tmp_path), "--size", "96", "--look", "fast"]
-    result = CliRunner().invoke(commands.app, arguments)
-    assert result.exit_code == 0, result.output
+    output_of(*arguments)
     frames = imageio.imread(tmp_path / "straighten_rope.mp4")
     assert frames.shape == (76, 96, 96, 3)  # The start and 75 env steps.
     assert np.abs(frames[0].astype(int) - frames[-1]).max() > 100

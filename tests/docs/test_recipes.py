@@ -22,6 +22,7 @@ from typer.testing import CliRunner
 
 import softgym_mj
 from softgym_mj.cli import commands
+from tests.command import output_of
 
 PAGE = (pathlib.Path(__file__).parents[2] / "docs" / "recipes.md").read_text()
 # Blocks by the heading above them.
@@ -312,8 +313,7 @@ def test_lerobot(run, tmp_path, monkeypatch):
     shown = re.search(r"```sh\n(.*?)```", section, re.DOTALL)[1].replace("\\\n", " ")
     shown = shown.replace("episodes 200", "episodes 2").replace("=2000", "=2")
     recording, training, evaluation = map(shlex.split, shown.splitlines())
-    result = CliRunner().invoke(commands.app, recording[1:])
-    assert result.exit_code == 0, result.output
+    output_of(*recording[1:])
     learn = [sys.executable, "-m", "lerobot.scripts.lerobot_train", *training[1:]]
     subprocess.run(learn, check=True, env={**os.environ, "HF_HUB_OFFLINE": "1"})
     make = run("LeRobot: a policy from demonstrations").make

@@ -11,6 +11,7 @@ from softgym_mj.evaluation import Configuration, comparison, evaluate, plots
 from softgym_mj.evaluation.indices import as_text, parsed
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.storage.files import write_csv, write_json
+from tests.command import output_of
 from tests.storage.test_files import ODD, odd
 
 
@@ -134,9 +135,8 @@ def test_figures_are_drawn_from_results(tmp_path, three):
 def test_the_command_line_plots(tmp_path, three, monkeypatch):
     monkeypatch.chdir(tmp_path)
     command = ["plot", *map(str, three)]
-    shown = CliRunner().invoke(commands.app, [*command, "--csv", "table.csv"])
-    assert shown.exit_code == 0, shown.output
-    assert "horizon=15" in shown.output.replace("\n", " ") and "quartiles" in shown.output
+    shown = output_of(*command, "--csv", "table.csv")
+    assert "horizon=15" in shown.replace("\n", " ") and "quartiles" in shown
     assert (tmp_path / "table.csv").exists() and (tmp_path / "results.png").exists()
     page = CliRunner().invoke(commands.app, [*command, "--markdown"])
     assert page.output.startswith(comparison.markdown(comparison.read_results(three)))

@@ -19,6 +19,7 @@ from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.parallel.executors import ProcessExecutor, RayExecutor
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.vector.batch.backend import BatchBackend
+from tests.command import output_of
 
 SHORT = {"horizon": 6, "fidelity": "fast"}
 PLANNING = Planning(horizon=3, budget=60, iterations=2, replan_every=2)
@@ -283,9 +284,7 @@ def test_the_command_line_chooses_variations_and_actors(tmp_path):
     for number, (options, variations) in enumerate(chosen.items()):
         folder = tmp_path / str(number)
         arguments = [*base, *options, "--actor", "picker", "--out", str(folder)]
-        output = CliRunner().invoke(commands.app, arguments)
-        assert output.exit_code == 0, output.output
-        assert "median over variations" in output.output.replace("\n", " ")
+        assert "median over variations" in output_of(*arguments).replace("\n", " ")
         result = json.loads((folder / "result.json").read_text())
         assert result["variations"] == variations
         assert result["settings"] == {"horizon": 1, "actor": "picker"}

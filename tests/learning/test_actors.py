@@ -26,6 +26,7 @@ from softgym_mj.learning.tables import table
 from softgym_mj.learning.training import Training
 from softgym_mj.policies.exported import export_policy, observes
 from softgym_mj.policies.planners import BUDGET, ITERATIONS
+from tests.command import output_of
 from tools import learned, published_commands, videos
 from tools.queued_runs import QueuedRun
 
@@ -182,8 +183,7 @@ def test_a_policy_plays_with_the_arm_of_its_training(tmp_path, monkeypatch):
     published.write_bytes(file.read_bytes())
     command = ["evaluate", "straighten_rope", "--policy", "straighten_rope-franka-sac", "--trust",
                "--variations", "800", "--task-settings", '{"horizon": 2}']  # fmt: skip
-    done = CliRunner().invoke(commands.app, [*command, "--out", str(tmp_path / "out")])
-    assert done.exit_code == 0, done.exception
+    output_of(*command, "--out", str(tmp_path / "out"))
     (result,) = read_results([tmp_path / "out"])
     (row,) = (row for row in rows if row.split == "evaluate")
     assert result["settings"]["actor"] == "franka"

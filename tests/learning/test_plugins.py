@@ -8,15 +8,14 @@ import shlex
 
 import pytest
 import torch
-from typer.testing import CliRunner
 
-from softgym_mj.cli import commands
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.registry import find_method, find_preset
 from softgym_mj.learning.results import read_folder
 from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.training import Training
+from tests.command import output_of
 
 PAGE = pathlib.Path(__file__).parents[2] / "docs" / "learning.md"
 NAME = "tests.learning.test_plugins:make"
@@ -91,8 +90,7 @@ def untyped(settings, problem):
 
 def test_a_method_of_another_module_is_trained(tmp_path):
     command = ["train", NAME, "straighten_rope", "--preset", "still", "--device", "host"]
-    done = CliRunner().invoke(commands.app, [*command, "--out", str(tmp_path)])
-    assert done.exit_code == 0, done.output
+    output_of(*command, "--out", str(tmp_path))
     rows = read_folder(tmp_path)
     assert {(row.method, row.preset, row.updates) for row in rows} == {(NAME, "still", 2)}
     assert (tmp_path / "policy_0.pt2").exists()
@@ -110,8 +108,7 @@ def test_the_learner_of_the_page_is_trained_and_continued(tmp_path, monkeypatch)
         for env_steps in lengths:
             settings = json.dumps({**SHORT, "env_steps": env_steps})
             replaced = ["--out", folder, "--seeds", "2", "--settings", settings]
-            done = CliRunner().invoke(commands.app, [*shlex.split(command), *replaced])
-            assert done.exit_code == 0, done.output
+            output_of(*shlex.split(command), *replaced)
         rows[folder] = [row.normalized_performance for row in read_folder(tmp_path / folder)][-4:]
         assert (tmp_path / folder / "policy_1.pt2").exists()
     assert rows["once"] == rows["twice"]

@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 from softgym_mj.cli import commands
 from softgym_mj.learning import reports
 from softgym_mj.learning.methods.sac import SAC
+from tests.command import output_of
 
 SETTINGS = {
     "env_steps": 16, "num_envs": 2, "part": 8, "evaluate_every": 2, "episodes": 1,
@@ -36,9 +37,7 @@ def test_a_log_has_lines_of_how_a_training_goes(tmp_path, monkeypatch):
     assert any(re.fullmatch(f"{name}starts in {tmp_path}", s) for s in lines)
     assert any(re.match(f"{name}learns: 8 of 16 env steps, .*/s, .* min left", s) for s in lines)
     monkeypatch.setattr(SAC, "update", update)
-    done = CliRunner().invoke(commands.app, command)
-    assert done.exit_code == 0, done.output
-    lines = done.output.splitlines()
+    lines = output_of(*command).splitlines()
     assert any(re.fullmatch(f"{name}continues from 8 env steps in {tmp_path}", s) for s in lines)
     assert any(re.match(f"{name}evaluates: 16 of 16 env steps, \\d+/s, ", s) for s in lines)
     assert any(re.match(f"{name}ended: 16 of 16 env steps, .*, held out", s) for s in lines)

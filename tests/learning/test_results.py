@@ -21,6 +21,7 @@ from softgym_mj.learning.results import Reference, Row
 from softgym_mj.learning.tables import table
 from softgym_mj.policies.planners import BUDGET
 from softgym_mj.registry import DOMAIN, TASKS, task_names
+from tests.command import output_of
 from tools import learned
 from tools.queued_runs import QueuedRun, read_queue
 from tools.run_queue import waiting
@@ -87,12 +88,6 @@ def _folder(tmp_path):
     (tmp_path / "queue.toml").write_text("".join(f"[[run]]\n{entry}" for entry in entries))
     _publish(tmp_path / "training", _own())
     return tmp_path
-
-
-def _command(*words):
-    done = CliRunner().invoke(commands.app, ["learning", *map(str, words)])
-    assert done.exit_code == 0, done.output
-    return done.output
 
 
 # ---------------------------------------------------------------------- numbers
@@ -285,15 +280,15 @@ def test_evaluations_of_planners_are_rows():
 
 
 def test_the_table_takes_in_trainings_once(folder):
-    assert "no final rows" in _command("table", "--results", folder)
-    shown = _command("table", folder / "training", "--results", folder)
+    assert "no final rows" in output_of("learning", "table", "--results", folder)
+    shown = output_of("learning", "table", folder / "training", "--results", folder)
     assert "0.500" in shown and "0.40..0.90" in shown
     assert results.read_rows(folder / "learning.csv") == []
     for number in (30, 0):
-        shown = _command("table", folder / "training", "--merge", "--results", folder)
+        shown = output_of("learning", "table", folder / "training", "--merge", "--results", folder)
         assert f"30 rows, {number} of them new" in " ".join(shown.split())
         assert len(results.read_rows(folder / "learning.csv")) == 30
-    _command("table", "--results", folder, "--csv", folder / "table.csv")
+    output_of("learning", "table", "--results", folder, "--csv", folder / "table.csv")
     head, row = (folder / "table.csv").read_text().splitlines()
     assert dict(zip(head.split(","), row.split(","), strict=True))["median"] == "0.5"
 

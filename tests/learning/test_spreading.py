@@ -16,6 +16,7 @@ from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.spreading import train_each
 from softgym_mj.learning.training import Training
 from softgym_mj.parallel.executors import SerialExecutor
+from tests.command import output_of
 
 METHOD = find_method("sac", hidden=(8, 8), random_steps=4, updates=2, batch=4, replay=16)
 SETTINGS = TrainingSettings(
@@ -96,6 +97,5 @@ def test_the_command_trains_in_processes(tmp_path):
     settings = json.dumps({name: value for name, value in both.items() if name != "task"})
     command = ["train", "sac", "straighten_rope", "--device", "host"]
     command += ["--jobs", "2", "--settings", settings, "--out", str(tmp_path)]
-    done = CliRunner().invoke(commands.app, command)
-    assert done.exit_code == 0, done.output
+    output_of(*command)
     assert {row.seed for row in read_rows(tmp_path / "curve.csv")} == {0}

@@ -5,14 +5,13 @@ import shutil
 
 import pytest
 import torch
-from typer.testing import CliRunner
 
 import softgym_mj
-from softgym_mj.cli import commands
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.learning import results, submission
 from softgym_mj.learning.results import Name, Row
 from softgym_mj.variations.indices import SPLITS
+from tests.command import output_of
 
 FEW = {"train": range(1), "evaluate": range(800, 802)}
 OWN = Name("straighten_rope", "default", "mine", "reduced", "custom", "plain")
@@ -71,9 +70,7 @@ def _played(speed, variation):
 
 
 def _submit(folder):
-    done = CliRunner().invoke(commands.app, ["learning", "submit", str(folder), "--trust"])
-    assert done.exit_code == 0, done.exception
-    return done.output
+    return output_of("learning", "submit", str(folder), "--trust")
 
 
 def test_as_many_variations_of_training_as_held_out(monkeypatch):

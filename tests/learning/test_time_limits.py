@@ -11,6 +11,7 @@ from softgym_mj.cli import commands
 from softgym_mj.learning.results import read_rows
 from softgym_mj.learning.time_limits import OVERHEAD, TimeLimit
 from softgym_mj.learning.training import Training
+from tests.command import output_of
 from tests.learning.test_training import METHOD, SEEDS, SETTINGS
 
 # Evaluations have episodes of six env steps. Those of the final one are of two variations of two
@@ -128,10 +129,9 @@ def test_the_command(tmp_path, no_policies):
     settings = {name: value for name, value in both.items() if name != "task"}
     command = ["train", "sac", "straighten_rope", "--preset", "paper", "--device", "host"]
     command += ["--settings", json.dumps(settings), "--out", str(tmp_path)]
-    done = CliRunner().invoke(commands.app, [*command, "--minutes", "0.01"])
-    assert done.exit_code == 0, done.output
-    assert "seed 0, evaluate, 2 episodes" in done.output
-    assert "ended after 2 of 16 env steps: the same command continues" in done.output
+    done = output_of(*command, "--minutes", "0.01")
+    assert "seed 0, evaluate, 2 episodes" in done
+    assert "ended after 2 of 16 env steps: the same command continues" in done
     done = CliRunner().invoke(commands.app, [*command, "--minutes", "60"])
     assert done.exit_code == 0 and "ended after" not in done.output, done.output
     assert {row.env_steps for row in read_rows(tmp_path / "curve.csv")} == {16}

@@ -24,6 +24,7 @@ from softgym_mj.learning.training import Training
 from softgym_mj.policies.exported import observes
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.robots.gripper import HELD
+from tests.command import output_of
 
 SEEDS = [4, 9]
 METHOD = find_method(
@@ -235,9 +236,7 @@ def test_the_command(tmp_path, no_policies):
     settings = {name: value for name, value in both.items() if name != "task"}
     command = ["train", "sac", "straighten_rope", "--preset", "paper", "--device", "host"]
     command += ["--settings", json.dumps({**settings, "env_steps": 16}), "--out", str(tmp_path)]
-    done = CliRunner().invoke(commands.app, command)
-    assert done.exit_code == 0, done.output
-    assert "seed 0, evaluate, 2 episodes" in done.output
+    assert "seed 0, evaluate, 2 episodes" in output_of(*command)
     assert (tmp_path / "curve.csv").exists()
 
 

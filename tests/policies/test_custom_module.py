@@ -11,10 +11,10 @@ from dm_control import suite
 
 import softgym_mj
 from softgym_mj import registry
-from softgym_mj.cli import commands
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.policies.experts.expert import OwnExpert
 from softgym_mj.recording import record
+from tests.command import status_of
 
 HORIZON = 3
 MODULE = """
@@ -75,14 +75,6 @@ def _folder(tmp_path, monkeypatch):
     registry.list_in_suite()
 
 
-def run(command, monkeypatch):
-    """What the shell would run."""
-    monkeypatch.setattr(sys, "argv", ["softgym-mj", *command.split()])
-    with pytest.raises(SystemExit) as ended:
-        commands.main()
-    return ended.value.code
-
-
 def scores(policy, task="own_pull"):
     """Normalized performance at the end of variation 800."""
     env = softgym_mj.load(task, split="evaluate")
@@ -94,7 +86,7 @@ def scores(policy, task="own_pull"):
 @pytest.mark.usefixtures("folder")
 def test_a_module_of_the_current_folder_brings_task_and_policy(capsys, monkeypatch):
     command = "rollout own_tasks:own_pull --policy own_tasks:half --episodes 1"
-    assert run(command, monkeypatch) == 0
+    assert status_of(command.split(), monkeypatch) == 0
     line = json.loads(capsys.readouterr().out)
     assert line["task"] == "own_pull"
     assert line["normalized_performance"] == scores(lambda step: np.full(8, 0.5))
@@ -115,7 +107,7 @@ def test_the_suite_of_dm_control_imports_the_module(monkeypatch):
 def test_workers_find_the_module(folder, monkeypatch):
     command = "evaluate own_tasks:own_pull --policy own_tasks:half --episodes 2 --out"
     for out, jobs in (("here", 1), ("there", 2)):
-        assert run(f"{command} {out} --jobs {jobs}", monkeypatch) == 0
+        assert status_of(f"{command} {out} --jobs {jobs}".split(), monkeypatch) == 0
     here, there = ((folder / out / "result.json").read_bytes() for out in ("here", "there"))
     assert here == there
     assert json.loads(here)["episodes"][0]["normalized_performance"] == scores(
@@ -163,7 +155,7 @@ print(env.unwrapped.dm_env.task.actor.action_size, len(episode.actions))
 
 def test_a_dataset_plays_again_in_a_process_that_knows_nothing_of_the_task(folder, monkeypatch):
     command = "record own_tasks:own_pull --policy own_tasks:half --episodes 1"
-    assert run(command, monkeypatch) == 0
+    assert status_of(command.split(), monkeypatch) == 0
     replay = [sys.executable, "-c", REPLAY]
     played = subprocess.run(replay, cwd=folder, capture_output=True, text=True, check=False)
     assert played.stdout.split() == ["8", str(HORIZON)], played.stderr
@@ -187,7 +179,12 @@ def test_a_dataset_names_the_module_that_can_be_imported(folder, monkeypatch):
 
 def test_an_expert_of_its_own_is_the_scripted_policy(folder, monkeypatch):
     expected = [np.tile([0.0, 0.0, 0.25 * i, -1.0], 2) for i in range(HORIZON)]
-    assert run("evaluate own_tasks:own_rise --episodes 1 --out expert", monkeypatch) == 0
+    assert (
+        status_of(
+            ["evaluate", "own_tasks:own_rise", "--episodes", "1", "--out", "expert"], monkeypatch
+        )
+        == 0
+    )
     score = json.loads((folder / "expert" / "result.json").read_text())["summary"]["mean"]
     assert score == scores(lambda step: expected[step], "own_rise") > 0.3
     for episode in record("own_rise", (800, 801)).iterate_episodes():

@@ -5,15 +5,14 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from softgym_mj.cli import commands
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.reality.cloth import identification
 from softgym_mj.reality.cloth.recordings import Recording
 from softgym_mj.reality.cloth.scenario import scenario_of
 from softgym_mj.reality.cloth.simulation import ASSUMED, ClothSolver, Properties
 from softgym_mj.reality.fitting import Unknown, fit, read_identified
+from tests.command import output_of
 from tests.reality import cloths
 
 
@@ -71,8 +70,7 @@ def test_secret_properties_are_found_in_recordings_of_them(tmp_path):
         cloths.write(tmp_path, simulated(f"range30_rep{number}", secret, width, frames=16))
     found, out = tmp_path / "found.json", tmp_path / "out.json"
     arguments = ["identify", "cloth", str(tmp_path), "--out", str(found)]
-    result = CliRunner().invoke(commands.app, arguments)
-    assert result.exit_code == 0, result.output
+    output_of(*arguments)
     entry = json.loads(found.read_text())
     assert entry["recordings"] == 6
     for name in ("drag", "added_mass"):
@@ -84,8 +82,7 @@ def test_secret_properties_are_found_in_recordings_of_them(tmp_path):
         assert low <= entry["properties"][name] <= high
     assert entry["properties"]["density"] == ASSUMED.density
     arguments = ["validate", "cloth", str(tmp_path), "--identified", str(found), "--out", str(out)]
-    result = CliRunner().invoke(commands.app, arguments)
-    assert result.exit_code == 0, result.output
+    output_of(*arguments)
     content = json.loads(out.read_text())
     assert content["tests"] == ["range30_rep3", "range30_rep7"]
     error = {row["solver"]: row["error"] for row in content["measurements"]}

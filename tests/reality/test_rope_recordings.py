@@ -7,13 +7,12 @@ import pickle
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from softgym_mj.cli import commands
 from softgym_mj.exceptions import InvalidArgumentError, SimulationError, StoreError
 from softgym_mj.reality.rope.experiment import errors, measure
 from softgym_mj.reality.rope.recordings import SOURCE, Recording, read_recording, read_recordings
 from softgym_mj.reality.rope.scenario import EndsInterpolated, NothingMoves, scenario_of
+from tests.command import output_of
 from tests.reality import cables
 
 
@@ -128,11 +127,10 @@ def test_the_command_prints_and_writes_errors(tmp_path):
         cables.write(tmp_path, "DLO3", split, "1", cables.swinging())
     out = tmp_path / "out.json"
     arguments = ["validate", "rope", str(tmp_path), "--cable", "DLO3", "--out", str(out)]
-    result = CliRunner().invoke(commands.app, arguments)
-    assert result.exit_code == 0, result.output
+    result = output_of(*arguments)
     found = {row["solver"]: row for row in json.loads(out.read_text())["measurements"]}
     moved = cables.swinging()
     off = np.abs(moved[2:, 2:-2] - moved[1, 2:-2]).mean()
     assert found["nothing moves"]["free_error"] == pytest.approx(off)
-    assert f"{1e3 * off:.1f}" in result.output
+    assert f"{1e3 * off:.1f}" in result
     assert found["displacement of the ends, interpolated"]["error"] == pytest.approx(0, abs=1e-12)

@@ -7,9 +7,7 @@ import math
 import mujoco
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from softgym_mj.cli import commands
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.reality.rope import identification
 from softgym_mj.reality.rope.cable import Properties, compiled
@@ -17,6 +15,7 @@ from softgym_mj.reality.rope.experiment import measure
 from softgym_mj.reality.rope.recordings import HELD, Recording
 from softgym_mj.reality.rope.scenario import Scenario, scenario_of
 from softgym_mj.reality.rope.simulation import ASSUMED, CableSolver, marker_spacing
+from tests.command import output_of
 from tests.reality import cables
 
 SPACING = np.array([0.02, 0.1, 0.09, 0.11, 0.1, 0.1, 0.03])  # [m]
@@ -106,8 +105,7 @@ def test_secret_properties_are_found_in_recordings_of_them(tmp_path, monkeypatch
     folder, found, out = (str(tmp_path / name) for name in ("", "found.json", "out.json"))
     only = [folder, "--cable", "DLO4"]
     arguments = ["identify", "rope", *only, "--recordings", "5", "--out", found]
-    result = CliRunner().invoke(commands.app, arguments)
-    assert result.exit_code == 0, result.output
+    output_of(*arguments)
     entry = json.loads((tmp_path / "found.json").read_text())["DLO4"]
     for name in identification.UNKNOWNS:
         value, (low, high) = entry["properties"][name], entry["intervals"][name]
@@ -116,8 +114,7 @@ def test_secret_properties_are_found_in_recordings_of_them(tmp_path, monkeypatch
         assert low <= value <= high
     assert entry["properties"]["density"] == ASSUMED.density
     arguments = ["validate", "rope", *only, "--identified", found, "--out", out]
-    result = CliRunner().invoke(commands.app, arguments)
-    assert result.exit_code == 0, result.output
+    output_of(*arguments)
     measured = json.loads((tmp_path / "out.json").read_text())["measurements"]
     error = {row["solver"]: row["error"] for row in measured}
     assert 4 * error["rope, identified"] < error["rope, assumed"] < error["nothing moves"]

@@ -21,6 +21,7 @@ from softgym_mj.rendering.photo import shapes
 from softgym_mj.rendering.photo.materials import FINISHES, Clear, linear
 from softgym_mj.rendering.photo.scene import Scene
 from softgym_mj.rendering.textures import texture_of
+from tests.command import output_of
 
 SIZE = 320  # Image size [pixels]: a rope is some pixels wide.
 # Tasks, and what of them is looked at: parts of names in the model.
@@ -206,8 +207,7 @@ def test_the_command_writes_stills_and_films(monkeypatch, tmp_path):
     command = ["photo", "short", "--size", "32", "--samples", "2", "--no-denoise"]
     still, film = tmp_path / "still.png", tmp_path / "film.mp4"
     for options in (["--step", "1", "--out", still], ["--video", "--every", "2", "--out", film]):
-        result = CliRunner().invoke(commands.app, [*command, *map(str, options)])
-        assert result.exit_code == 0, result.output
+        output_of(*command, *map(str, options))
     assert imageio.imread(still).shape == (32, 32, 3)
     frames = imageio.imread(film, plugin="FFMPEG")
     assert frames.shape == (2, 32, 32, 3)

@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import softgym_mj.tasks.shared.starts.settling
 from softgym_mj.batch.device import CpuDevice
-from softgym_mj.cli import commands
 from softgym_mj.registry import find
 from softgym_mj.tasks.shared.starts.cloths import CrumpledCloth, FlatCloth, HangingCloth
 from softgym_mj.tasks.shared.starts.twisted_rope import TwistedRope
+from tests.command import output_of
 from tests.native.torch_device import TorchDevice
 
 INDICES = [803, 7]
@@ -55,9 +54,7 @@ def test_files_do_not_depend_on_the_device(tmp_path, monkeypatch):
     for device in ("cpu", "host"):
         monkeypatch.setenv("SOFTGYM_MJ_CACHE", str(tmp_path / device))
         command = ["generate", "drop_cloth", "--start", "5", "--num", "2", "--fidelity", "fast"]
-        done = CliRunner().invoke(commands.app, [*command, "--device", device])
-        assert done.exit_code == 0, done.output
-        assert "generated 2, found 0" in done.output
+        assert "generated 2, found 0" in output_of(*command, "--device", device)
         found = sorted((tmp_path / device).rglob("*.value"))
         files.append([(file.name, file.read_bytes()) for file in found])
     assert len(files[0]) == 2

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 from softgym_mj.cli import commands
 from softgym_mj.exceptions import InvalidArgumentError, UnavailableError
 from softgym_mj.viewing import camera, keys, window
+from tests.command import output_of
 from tests.viewing.test_teleoperation import unhurried
 
 # ---------------------------------------------------------------------- keys, mouse, window
@@ -246,12 +247,11 @@ def test_the_command_tells_of_the_keys_and_opens_the_window(monkeypatch):
     monkeypatch.setattr(window, "check_display", lambda task: None)
     monkeypatch.setattr(window.Window, "run", lambda self: played.append(self._session))
     command = "view straighten_rope --actor franka --variation 803"
-    result = CliRunner().invoke(commands.app, command.split())
-    assert result.exit_code == 0, result.output
+    result = output_of(*command.split())
     (session,) = played
     assert session.teleoperation.names == ("arm 1", "arm 2") and session.variation == 803
     for key in keys.keys_of(session.teleoperation):
-        assert key.label in result.output and key.use in result.output
+        assert key.label in result and key.use in result
 
 
 def test_a_variation_that_does_not_exist_is_an_error():

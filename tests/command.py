@@ -1,0 +1,21 @@
+"""Commands of `softgym-mj`, run in this process."""
+
+import pytest
+from typer.testing import CliRunner
+
+from softgym_mj.cli import commands
+
+
+def output_of(*words: object) -> str:
+    """Runs a command that succeeds; returns what it prints."""
+    done = CliRunner().invoke(commands.app, [*map(str, words)])
+    assert done.exit_code == 0, f"{done.output} {done.exception}"
+    return done.output
+
+
+def status_of(words: list[str], monkeypatch: pytest.MonkeyPatch) -> int:
+    """Runs a command as the shell would; returns its exit status."""
+    monkeypatch.setattr("sys.argv", ["softgym-mj", *words])
+    with pytest.raises(SystemExit) as ended:
+        commands.main()
+    return ended.value.code
