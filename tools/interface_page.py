@@ -10,15 +10,7 @@ from softgym_mj.robots.gripper import HELD
 from softgym_mj.robots.pick_and_place import PixelPickAndPlace
 from softgym_mj.tasks import Task
 from softgym_mj.tasks.shared.observations import GOAL_RGB, OBSERVATIONS
-from tools.sheet_entries import (
-    COMMON,
-    INFO,
-    action_table,
-    actors_of,
-    entry_table,
-    own_keys,
-    table,
-)
+from tools.sheet_entries import COMMON, INFO, action_table, actors_of, entry_table, own_keys, table
 
 FILE = pathlib.Path(__file__).parent.parent / "docs" / "interface.md"
 INTRODUCTION = """# What the tasks share

@@ -10,12 +10,7 @@ from gymnasium.vector.utils import batch_space
 
 from softgym_mj.envs.resets import brief, check_known, checked_options, checked_state
 from softgym_mj.envs.snapshots import Snapshot
-from softgym_mj.exceptions import (
-    InvalidArgumentError,
-    LifecycleError,
-    SnapshotError,
-    check_count,
-)
+from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, SnapshotError, check_count
 from softgym_mj.validation import as_array, check_type
 from softgym_mj.variations.indices import check_variation
 from softgym_mj.vector.backend import Backend

@@ -8,15 +8,7 @@ import numpy as np
 import pytest
 
 from softgym_mj.cloth import solver
-from tests.cloth.flex_scene import (
-    GRAVITY,
-    RADIUS,
-    FlexScene,
-    model_xml,
-    rope,
-    sheet,
-    straight,
-)
+from tests.cloth.flex_scene import GRAVITY, RADIUS, FlexScene, model_xml, rope, sheet, straight
 from tests.native.test_state import BOXES, FULL, disturbed, drive, pile, state_of
 
 FLAT = sheet(8, 8)

@@ -10,13 +10,7 @@ from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.curl import CURL, CURLSettings, make
 from softgym_mj.learning.methods.pixels import cropped
 from softgym_mj.learning.networks import drawn, generators
-from tests.learning.test_pixels import (
-    ACTION,
-    TINY,
-    batch_of_images,
-    check_it_learns,
-    pictures,
-)
+from tests.learning.test_pixels import ACTION, TINY, batch_of_images, check_it_learns, pictures
 
 CROP, SIZE = 15, (17, 18)
 SMALL = CURLSettings(**TINY, crop=CROP)

@@ -8,13 +8,7 @@ from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.drq import DrQ, DrQSettings, make
 from softgym_mj.learning.networks import drawn
 from softgym_mj.learning.replay import Batch
-from tests.learning.test_pixels import (
-    ACTION,
-    SIZE,
-    TINY,
-    batch_of_images,
-    check_it_learns,
-)
+from tests.learning.test_pixels import ACTION, SIZE, TINY, batch_of_images, check_it_learns
 
 SMALL = DrQSettings(**TINY, pad=2)
 NUMBER = 5

@@ -11,13 +11,7 @@ from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.methods.planet.latent import WorldModel, centered
 from softgym_mj.learning.methods.planet.layers import GRU, Decoder, Encoder
-from softgym_mj.learning.methods.planet.learner import (
-    PlaNet,
-    PlaNetSettings,
-    losses,
-    make,
-    plan,
-)
+from softgym_mj.learning.methods.planet.learner import PlaNet, PlaNetSettings, losses, make, plan
 from softgym_mj.learning.networks import drawn, generators
 from softgym_mj.learning.registry import find_method
 from softgym_mj.learning.settings import TrainingSettings

@@ -8,11 +8,7 @@ import pytest
 import torch
 
 from softgym_mj.learning.learner import Problem
-from softgym_mj.learning.methods.sac import (
-    SAC,
-    SACSettings,
-    make,
-)
+from softgym_mj.learning.methods.sac import SAC, SACSettings, make
 from softgym_mj.learning.networks import Actor, Linear, drawn, generators
 from softgym_mj.learning.replay import Batch
 from tests.learning.plain_layers import plain_network

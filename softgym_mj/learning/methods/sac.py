@@ -15,13 +15,7 @@ from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
 from softgym_mj.learning.learner import Problem
-from softgym_mj.learning.networks import (
-    Actor,
-    Critics,
-    DeterministicPolicy,
-    drawn,
-    generators,
-)
+from softgym_mj.learning.networks import Actor, Critics, DeterministicPolicy, drawn, generators
 from softgym_mj.learning.off_policy import OffPolicy, OffPolicySettings
 from softgym_mj.learning.optimization import adam, polyak_update, step
 from softgym_mj.learning.replay import Batch

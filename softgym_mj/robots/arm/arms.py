@@ -13,13 +13,7 @@ from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.robots.arm import bodies as arm_bodies
 from softgym_mj.robots.arm.action import ArmAction
 from softgym_mj.robots.arm.actor import ArmActor
-from softgym_mj.robots.arm.grasps import (
-    GRASPS,
-    PICK_DISTANCE,
-    AttachGrasp,
-    FrictionGrasp,
-    Grasp,
-)
+from softgym_mj.robots.arm.grasps import GRASPS, PICK_DISTANCE, AttachGrasp, FrictionGrasp, Grasp
 from softgym_mj.robots.arm.joint_action import JointAction
 from softgym_mj.robots.arm.joint_servos import JointServos
 from softgym_mj.robots.arm.models import ARMS, Arm

@@ -18,10 +18,7 @@ from softgym_mj.robots.arm_batch import models
 from softgym_mj.robots.arm_batch.contacts import KNOWN, Fixed, read_fixed
 from softgym_mj.robots.arm_batch.pushed import Push, PushedArms, kinds_of
 from softgym_mj.robots.arm_batch.sharing import put
-from softgym_mj.robots.arm_batch.state import (
-    joint_views,
-    packed,
-)
+from softgym_mj.robots.arm_batch.state import joint_views, packed
 from softgym_mj.robots.grip import NONE
 from softgym_mj.tasks.shared.base import Task
 from softgym_mj.vector.batch.arm_grips import AttachGrips, FrictionGrips, HandGrips

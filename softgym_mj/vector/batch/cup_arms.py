@@ -15,10 +15,7 @@ from softgym_mj.robots.arm.joint_servos import SOLVE_EVERY
 from softgym_mj.robots.arm_batch import models
 from softgym_mj.robots.arm_batch.cups import CupArms, Load, read_load
 from softgym_mj.robots.arm_batch.sharing import put
-from softgym_mj.robots.arm_batch.state import (
-    joint_views,
-    packed,
-)
+from softgym_mj.robots.arm_batch.state import joint_views, packed
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.tasks.shared.base import Task
 from softgym_mj.vector.batch.fluid import POSITION_AND_QUATERNION, FluidBatch
