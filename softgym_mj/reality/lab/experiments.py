@@ -30,6 +30,11 @@ def _loose(fabric: Fabric, spacing: float) -> Fabric:
     return dataclasses.replace(fabric, drag=0.0, thickness=_THIN * spacing)
 
 
+def _stiff(fabric: Fabric) -> Fabric:
+    """Returns a fabric of which a small sheet stays flat."""
+    return dataclasses.replace(fabric, bend_stiffness=_FLAT, bend_weft=0.0, bend_bias=0.0)
+
+
 def _period(fabric: Fabric, length: float) -> float:
     """Returns the period [s] of the slowest oscillation of a cantilever of a length [m]."""
     return 1.79 * length**2 * math.sqrt(fabric.density / fabric.bend_stiffness)
@@ -158,23 +163,21 @@ def hanging(fabric: Fabric, name: str, cells: int = 12, is_fine: bool = True) ->
     return Measurement(experiment, name, "grid_0", "mean strain", strain, expected, settings)
 
 
-def falling(fabric: Fabric, name: str, spacing: float = SPACING) -> Measurement:
+def falling(fabric: Fabric, name: str) -> Measurement:
     """Measures the speed of a small flat sheet that falls along its normal for 3 s.
 
     Its bending stiffness is 1e-2 N m, because a limp sheet does not stay flat.
 
     Args:
-        fabric, name, spacing: as in `cantilever`; with drag.
+        fabric, name: as in `cantilever`; with drag.
     """
     if fabric.drag <= 0.0:
         raise InvalidArgumentError("drag", fabric.drag, "above 0, for a terminal speed")
-    points, triangles = strip("grid_0", 2, 2, spacing)
-    flat = dataclasses.replace(fabric, bend_stiffness=_FLAT, bend_weft=0.0, bend_bias=0.0)
-    specimen = Specimen(points, triangles, flat)
+    specimen = Specimen(*strip("grid_0", 2, 2, SPACING), _stiff(fabric))
     specimen.step(300)
     speed = -float(specimen.velocities()[:, 2].mean())
     expected = theory.terminal_speed(fabric.density, fabric.drag)
-    settings = {"drag": fabric.drag, "spacing_m": spacing}
+    settings = {"drag": fabric.drag, "spacing_m": SPACING}
     return Measurement("falling", name, "grid_0", "speed [m/s]", speed, expected, settings)
 
 
@@ -194,8 +197,7 @@ def swinging(fabric: Fabric, name: str, cells: int = 6) -> Measurement:
     if fabric.drag <= 0.0:
         raise InvalidArgumentError("drag", fabric.drag, "above 0, for a decaying swing")
     points, triangles = strip("grid_0", cells, 2, SPACING)
-    flat = dataclasses.replace(fabric, bend_stiffness=_FLAT, bend_weft=0.0, bend_bias=0.0)
-    specimen = Specimen(points, triangles, flat)
+    specimen = Specimen(points, triangles, _stiff(fabric))
     specimen.weigh_by_area()
     specimen.hold(np.flatnonzero(points[:, 0] <= 1e-9))
     start = np.column_stack(
@@ -233,16 +235,13 @@ def _peak(angles: list[float]) -> float:
 
 
 _TILT_SPEED = 0.02  # [1/s] Rate of the slope's tangent.
+_STEEPNESS = 1.3  # Slope over friction where a sheet slides.
 _SLIPPED = 1e-4  # [m] Displacement from which a sheet counts as sliding.
 
 
-def tilting(fabric: Fabric, name: str, spacing: float = SPACING) -> Measurement:
-    """Measures the slope at which a sheet on a slowly tilted floor slips.
-
-    Args:
-        fabric, name, spacing: as in `cantilever`.
-    """
-    specimen = _lying(fabric, spacing)
+def tilting(fabric: Fabric, name: str) -> Measurement:
+    """Measures the slope at which a sheet of a named fabric slips on a slowly tilted floor."""
+    specimen = _lying(fabric)
     slope = 0.9 * fabric.friction
     while float((specimen.positions() - specimen.start)[:, 0].mean()) < _SLIPPED:
         slope += _TILT_SPEED * specimen.model.opt.timestep * fabric.friction
@@ -250,36 +249,29 @@ def tilting(fabric: Fabric, name: str, spacing: float = SPACING) -> Measurement:
             break
         _tilt(specimen, slope)
         specimen.step()
-    settings = {"spacing_m": spacing}
+    settings = {"spacing_m": SPACING}
     return Measurement(
         "tilting", name, "grid_0", "static friction", slope, fabric.friction, settings
     )
 
 
-def sliding(
-    fabric: Fabric, name: str, steepness: float = 1.3, spacing: float = SPACING
-) -> Measurement:
-    """Measures friction by the distance that a sheet slides down a slope in a second.
-
-    Args:
-        fabric, name, spacing: as in `cantilever`.
-        steepness: slope over friction, above 1.
-    """
-    specimen = _lying(dataclasses.replace(fabric, drag=0.0), spacing)
-    slope = steepness * fabric.friction
+def sliding(fabric: Fabric, name: str) -> Measurement:
+    """Measures a named fabric's friction by how far a sheet slides down a slope in a second."""
+    specimen = _lying(dataclasses.replace(fabric, drag=0.0))
+    slope = _STEEPNESS * fabric.friction
     _tilt(specimen, slope)
     specimen.step(100)
     way = float((specimen.positions() - specimen.start)[:, 0].mean())
     angle = math.atan(slope)
     found = math.tan(angle) - 2.0 * way / (theory.GRAVITY * math.cos(angle))
-    settings = {"steepness": steepness, "spacing_m": spacing}
+    settings = {"steepness": _STEEPNESS, "spacing_m": SPACING}
     return Measurement(
         "sliding", name, "grid_0", "sliding friction", found, fabric.friction, settings
     )
 
 
-def _lying(fabric: Fabric, spacing: float) -> Specimen:
-    points, triangles = strip("grid_0", 7, 7, spacing)
+def _lying(fabric: Fabric) -> Specimen:
+    points, triangles = strip("grid_0", 7, 7, SPACING)
     return Specimen(points + [0.0, 0.0, fabric.thickness / 2.0], triangles, fabric, floor=True)
 
 
