@@ -11,6 +11,7 @@ from softgym_mj.entities.cloth import alternating_triangles
 from softgym_mj.entities.fabric import Fabric
 from softgym_mj.entities.intersections import count_intersections
 from softgym_mj.native.library import load_plugin
+from softgym_mj.reality.lab.meshes import bias
 from softgym_mj.reality.lab.vertices import Vertices
 
 GRAVITY = 9.81
@@ -96,28 +97,10 @@ def sheet(
 
 def bias_sheet(width: int, length: int, spacing: float, fabric: Fabric) -> Flex:
     """A strip along X, cut at 45 degrees to its mesh: sides are `width` and `length` diagonals."""
-    size = width + length
-    i, j = np.meshgrid(np.arange(size + 1), np.arange(-width, size + 1), indexing="ij")
-    ij = np.column_stack([i.ravel(), j.ravel()])
-    along, across = ij.sum(axis=1), ij[:, 0] - ij[:, 1]
-    # Even numbers: the sides of the strip are diagonals of squares then, none is cut otherwise.
-    inside = (along >= 0) & (along <= 2 * length) & (across >= 0) & (across <= 2 * width)
-    number = {tuple(p): n for n, p in enumerate(ij[inside].tolist())}
-    triangles = []
-    for a, b in number:
-        for corners in _square(a, b):
-            if all(corner in number for corner in corners):
-                triangles.append([number[corner] for corner in corners])
-    points = np.column_stack([along[inside], across[inside] - width, np.zeros(inside.sum())])
-    points = points * spacing / np.sqrt(2.0)
-    points[:, 2] = RADIUS
+    places, triangles = bias(length, width)
+    points = np.column_stack([spacing * places, np.full(len(places), RADIUS)])
     area = 2.0 * spacing**2 * width * length
-    return Flex(points, np.array(triangles), fabric.density * area, material_of(fabric))
-
-
-def _square(i: int, j: int) -> list[list[tuple[int, int]]]:
-    a, b, c, d = (i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)
-    return [[a, b, d], [a, d, c]] if (i + j) % 2 == 0 else [[a, b, c], [b, d, c]]
+    return Flex(points, triangles, fabric.density * area, material_of(fabric))
 
 
 def rope(

@@ -21,7 +21,7 @@ def strip(mesh: str, cells: int, width: int, spacing: float) -> tuple[np.ndarray
     check_name("mesh", mesh, MESHES)
     if mesh == "grid_45":
         diagonals = max(1, round(cells / np.sqrt(2.0))), max(1, round(width / np.sqrt(2.0)))
-        places, triangles = _bias(*diagonals)
+        places, triangles = bias(*diagonals)
     elif mesh == "unstructured":
         places, triangles = _unstructured(cells, width)
     else:
@@ -52,8 +52,12 @@ def _grid(cells: int, width: int) -> tuple[np.ndarray, np.ndarray]:
     return _numbered([(i, j) for i in range(cells + 1) for j in range(width + 1)])
 
 
-def _bias(length: int, width: int) -> tuple[np.ndarray, np.ndarray]:
-    """Returns a grid cut at 45 degrees along diagonals of cells of even parity."""
+def bias(length: int, width: int) -> tuple[np.ndarray, np.ndarray]:
+    """Returns a grid cut at 45 degrees along diagonals of cells of even parity.
+
+    These are nodes (n, 2), in spacings, and triangles (m, 3) of a strip of `length` by `width`
+    diagonals.
+    """
     size = length + width
     nodes = [
         (i, j)
