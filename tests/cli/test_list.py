@@ -5,10 +5,10 @@ import io
 import numpy as np
 import pytest
 import rich.console
-from typer.testing import CliRunner
 
 from softgym_mj import registry
-from softgym_mj.cli import commands, playing
+from softgym_mj.cli import playing
+from tests.command import output_of
 
 
 @pytest.mark.parametrize("width", [80, 120])
@@ -30,7 +30,7 @@ def test_names_and_ids_are_whole_in_a_terminal(width, monkeypatch):
 
 
 def test_a_program_reads_a_line_for_each_task():
-    header, *lines = CliRunner().invoke(commands.app, ["list"]).output.splitlines()
+    header, *lines = output_of("list").splitlines()
     for line, record in zip(lines, registry.TASKS.values(), strict=True):
         columns = dict(zip(header.split("\t"), line.split("\t"), strict=True))
         assert tuple(columns.pop("tags").split(",")) == record.tags

@@ -18,10 +18,8 @@ import pytest
 import torch
 from stable_baselines3 import SAC
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
-from typer.testing import CliRunner
 
 import softgym_mj
-from softgym_mj.cli import commands
 from tests.command import output_of
 
 PAGE = (pathlib.Path(__file__).parents[2] / "docs" / "recipes.md").read_text()
@@ -180,8 +178,7 @@ def test_sb3_evaluation(run, tmp_path, monkeypatch):
     (tmp_path / "recipe.py").rename(tmp_path / "rope_policy.py")
     monkeypatch.syspath_prepend(tmp_path)
     (command,) = re.findall(r"^softgym-mj (evaluate .*rope_policy.*)$", PAGE, re.MULTILINE)
-    result = CliRunner().invoke(commands.app, shlex.split(command))
-    assert result.exit_code == 0, result.output
+    output_of(*shlex.split(command))
     episodes = json.loads((tmp_path / "runs" / "sb3" / "result.json").read_text())["episodes"]
     assert [episode["variation"] for episode in episodes] == [800, 801]
     for episode in episodes:
@@ -319,8 +316,7 @@ def test_lerobot(run, tmp_path, monkeypatch):
     make = run("LeRobot: a policy from demonstrations").make
     (tmp_path / "recipe.py").rename(tmp_path / "act_policy.py")
     monkeypatch.syspath_prepend(tmp_path)
-    result = CliRunner().invoke(commands.app, evaluation[1:])
-    assert result.exit_code == 0, result.output
+    output_of(*evaluation[1:])
     episodes = json.loads((tmp_path / "runs" / "act" / "result.json").read_text())["episodes"]
     assert [episode["variation"] for episode in episodes] == [800, 801]
     for episode in episodes:

@@ -4,9 +4,7 @@ import csv
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from softgym_mj.cli import commands
 from softgym_mj.evaluation import Configuration, comparison, evaluate, plots
 from softgym_mj.evaluation.indices import as_text, parsed
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
@@ -138,8 +136,8 @@ def test_the_command_line_plots(tmp_path, three, monkeypatch):
     shown = output_of(*command, "--csv", "table.csv")
     assert "horizon=15" in shown.replace("\n", " ") and "quartiles" in shown
     assert (tmp_path / "table.csv").exists() and (tmp_path / "results.png").exists()
-    page = CliRunner().invoke(commands.app, [*command, "--markdown"])
-    assert page.output.startswith(comparison.markdown(comparison.read_results(three)))
+    page = output_of(*command, "--markdown")
+    assert page.startswith(comparison.markdown(comparison.read_results(three)))
 
 
 def test_indices_as_text():

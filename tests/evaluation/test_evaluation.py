@@ -258,8 +258,7 @@ def test_the_command_line_evaluates(tmp_path, monkeypatch):
     arguments = ["evaluate", "straighten_rope", "--policy", "cem", "--horizon", "3", "--budget"]
     arguments += ["60", "--iterations", "2", "--replan-every", "3", "--episodes", "1"]
     arguments += ["--task-settings", '{"horizon": 6}', "--out", str(tmp_path / "run")]
-    output = CliRunner().invoke(commands.app, arguments)
-    assert output.exit_code == 0, output.output
+    output_of(*arguments)
     result = json.loads((tmp_path / "run" / "result.json").read_text())
     assert result["planning"] == {"horizon": 3, "budget": 60, "iterations": 2, "replan_every": 3}
 

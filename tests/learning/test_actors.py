@@ -5,10 +5,8 @@ import json
 
 import pytest
 import torch
-from typer.testing import CliRunner
 
 import softgym_mj
-from softgym_mj.cli import commands
 from softgym_mj.cli import training as cli
 from softgym_mj.cli.console import PUBLISHED, policy_file
 from softgym_mj.evaluation.comparison import read_results
@@ -65,7 +63,7 @@ def test_the_default_actor_may_be_named():
 def test_the_command_takes_the_actor_from_the_arguments_of_the_task():
     arguments = json.dumps({"actor": "franka", "action": "joints"})
     command = ["train", "sac", "fold_cloth", "--show-settings", "--task-settings", arguments]
-    shown = json.loads(CliRunner().invoke(commands.app, command).output)
+    shown = json.loads(output_of(*command))
     assert (shown["actor"], shown["arguments"]) == ("franka", {"action": "joints"})
     assert shown["symmetric"] is shown["symmetrize_policy"] is False
 

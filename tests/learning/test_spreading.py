@@ -5,9 +5,7 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from softgym_mj.cli import commands
 from softgym_mj.exceptions import StoreError
 from softgym_mj.learning.joining import join
 from softgym_mj.learning.registry import find_method
@@ -63,8 +61,7 @@ def test_joined_folders_are_one_training_of_all_seeds(tmp_path):
     both = _trained(tmp_path / "both", [3, 4])
     folders = [_trained(tmp_path / str(seed), [seed]) for seed in (4, 3)]
     command = ["learning", "join", *map(str, folders), "--out", str(tmp_path / "out")]
-    done = CliRunner().invoke(commands.app, command)
-    assert done.exit_code == 0 and "seeds 3, 4" in " ".join(done.output.split())
+    assert "seeds 3, 4" in " ".join(output_of(*command).split())
     own, expected = read_rows(tmp_path / "out" / "curve.csv"), read_rows(both / "curve.csv")
     assert [row.key for row in own] == [row.key for row in expected]
     cards = [json.loads((path / "card.json").read_text()) for path in (tmp_path / "out", both)]
