@@ -18,9 +18,9 @@ OBSERVATION, ACTION, NUMBER = 5, 2, 7
 SMALL = SACSettings(hidden=(16, 16), norm=True)
 
 
-def _batch(seeds, number=NUMBER, seed=0):
+def random_batch(seeds, seed=0):
     source = torch.Generator().manual_seed(seed)
-    shape = len(seeds), number
+    shape = len(seeds), NUMBER
 
     def normal(*sizes):
         return torch.randn(*shape, *sizes, generator=source)
@@ -58,9 +58,9 @@ def test_weights_are_orthogonal_and_of_their_seed_alone():
 def test_losses_are_those_of_the_paper(entropy):
     seeds = [0, 1]
     sac = SAC(dataclasses.replace(SMALL, target_entropy=entropy), seeds, OBSERVATION, ACTION)
-    sac.update(_batch(seeds))  # So that targets are no copies.
-    sac.update(_batch(seeds, seed=1))
-    batch, noise = _batch(seeds, seed=2), torch.randn(2, NUMBER, ACTION)
+    sac.update(random_batch(seeds))  # So that targets are no copies.
+    sac.update(random_batch(seeds, seed=1))
+    batch, noise = random_batch(seeds, seed=2), torch.randn(2, NUMBER, ACTION)
     critic, (actor, alpha) = sac.critic_loss(batch, noise), sac.actor_losses(batch, noise)
     for k in range(2):
         pair, targets = (
@@ -95,7 +95,7 @@ def test_losses_that_are_compiled_teach_the_same():
         for loss in (fused.critic_loss, fused.actor_losses)
     )
     for k in range(4):
-        result = [sac.update(_batch(seeds, seed=k)) for sac in (eager, fused)]
+        result = [sac.update(random_batch(seeds, seed=k)) for sac in (eager, fused)]
         for name, losses in result[0].items():
             torch.testing.assert_close(result[1][name], losses, rtol=1e-4, atol=1e-5)
     for one, other in zip(eager.actor.parameters(), fused.actor.parameters(), strict=True):

@@ -4,12 +4,11 @@ import pytest
 import torch
 
 from softgym_mj.learning.methods.tqc import TQC, TQCSettings, quantile_loss
-from softgym_mj.learning.replay import Batch
 from tests.learning.plain_layers import plain_network
 from tests.learning.reaching import distance_after_learning
+from tests.learning.test_sac import ACTION, NUMBER, OBSERVATION, random_batch
 
 SMALL = TQCSettings(hidden=(16,), norm=True, critics=2, quantiles=3, dropped=1)
-NUMBER, OBSERVATION, ACTION = 4, 5, 2
 
 
 def _loss(quantiles, targets):
@@ -40,21 +39,11 @@ def test_the_loss_is_least_at_the_quantiles():
 
 
 def test_losses_are_those_of_loops():
-    seeds, source = [0, 1], torch.Generator().manual_seed(0)
-
-    def normal(*sizes):
-        return torch.randn(2, NUMBER, *sizes, generator=source)
-
-    def batch():
-        return Batch(
-            normal(OBSERVATION), normal(ACTION).tanh(), normal(), normal(OBSERVATION),
-            torch.full((2, NUMBER), 0.9),
-        )  # fmt: skip
-
+    seeds = [0, 1]
     tqc = TQC(SMALL, seeds, OBSERVATION, ACTION)
-    for _ in range(2):  # So that targets are no copies.
-        tqc.update(batch())
-    own, noise = batch(), normal(ACTION)
+    for k in range(2):  # So that targets are no copies.
+        tqc.update(random_batch(seeds, seed=k))
+    own, noise = random_batch(seeds, seed=2), torch.randn(2, NUMBER, ACTION)
     critic, (actor, _) = tqc.critic_loss(own, noise), tqc.actor_losses(own, noise)
     following, later = tqc.actor.sample(own.next_observation, noise)
     chosen, density = tqc.actor.sample(own.observation, noise)
