@@ -10,7 +10,7 @@ import time
 import pytest
 import torch
 
-from tests.learning.test_methods import same
+from tests.vector.same import same
 
 SETTINGS = {
     "env_steps": 640, "num_envs": 4, "part": 64, "episodes": 1, "final_episodes": 2,

@@ -11,6 +11,7 @@ from softgym_mj.learning.registry import METHODS, find_method
 from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.training import POLICY, Training
 from softgym_mj.policies.exported import has_images
+from tests.vector.same import same
 
 SEEDS = [4, 9]
 ROPE = TrainingSettings(
@@ -88,17 +89,6 @@ def _case(name):
 
     own = {"planet": test_planet, "wu": test_wu}[name]
     return own.SETTINGS, dataclasses.asdict(own.METHOD.settings)
-
-
-def same(first, second):
-    """Whether two states are equal, bit by bit."""
-    if isinstance(first, torch.Tensor):
-        return torch.equal(first, second)
-    if isinstance(first, dict):
-        return first.keys() == second.keys() and all(same(first[k], second[k]) for k in first)
-    if isinstance(first, list | tuple):
-        return len(first) == len(second) and all(map(same, first, second))
-    return first == second
 
 
 def _rows(training):
