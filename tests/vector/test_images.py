@@ -19,6 +19,7 @@ from softgym_mj.rendering.observables import LABELS, WRIST_RGB
 from softgym_mj.vector.batch.cameras import IMAGES
 from tests.kinds import by_kind
 from tests.native.torch_device import TorchDevice
+from tests.rendering.test_looks import volume
 
 OBJECT = LABELS.index("object")
 FIXED = [name for name in IMAGES if name != WRIST_RGB]  # By cameras that do not move.
@@ -179,12 +180,6 @@ def test_turns_change_no_bit_of_what_deforms(task):
             np.testing.assert_array_equal(a, b)
 
 
-def _volume(mesh):
-    """Volume [m^3] of a closed mesh, by the divergence theorem."""
-    a, b, c = mesh.places[mesh.faces].swapaxes(0, 1)
-    return (np.cross(a, b) * c).sum() / 6.0
-
-
 def test_shapes_as_meshes():
     shapes = '<geom type="box" size="1 2 3"/><geom type="cylinder" size="1 2"/>'
     shapes += '<geom type="sphere" size="1"/><geom type="capsule" size="1 2"/>'
@@ -193,10 +188,11 @@ def test_shapes_as_meshes():
     )
     box, cylinder, sphere, capsule = (mesh_of(model, i) for i in range(4))
     polygon = SIDES / 2.0 * np.sin(2.0 * np.pi / SIDES)  # Area of a regular one in a unit circle.
-    assert _volume(box) == pytest.approx(48.0)
-    assert _volume(cylinder) == pytest.approx(4.0 * polygon)
-    assert _volume(sphere) == pytest.approx(4.0 / 3.0 * np.pi, rel=0.05)
-    assert _volume(capsule) == pytest.approx(_volume(sphere) + 4.0 * polygon)
+    volumes = [volume(mesh.places, mesh.faces) for mesh in (box, cylinder, sphere, capsule)]
+    assert volumes[0] == pytest.approx(48.0)
+    assert volumes[1] == pytest.approx(4.0 * polygon)
+    assert volumes[2] == pytest.approx(4.0 / 3.0 * np.pi, rel=0.05)
+    assert volumes[3] == pytest.approx(volumes[2] + 4.0 * polygon)
     for mesh in (box, cylinder, sphere, capsule):
         a, b, c = mesh.places[mesh.faces].swapaxes(0, 1)
         outward = np.cross(b - a, c - a)
