@@ -17,13 +17,13 @@ DECIDED = {
     "fold_crumpled_cloth": (0, "613176afd6ba9367"),
     "fold_shirt": (0, "a1f951227f74f297"),
     "hang_cloth": (0, "1a5a06998b59e2a0"),
-    "pour_water": (0, "1c2027b8689698a7"),
-    "pour_water_amount": (0, "38a0debf6ff4f1bd"),
+    "pour_water": (0, "f03480eb908d4337"),
+    "pour_water_amount": (0, "5e74ac0f0e7f04a0"),
     "rope_configuration": (0, "e523e605e8ac278a"),
     "route_cable": (0, "92e50895276d8549"),
     "spread_cloth": (0, "f9cea3dfdf751f0c"),
     "straighten_rope": (0, "56d57d3bc6dd58de"),
-    "transport_water": (0, "2447ffd7170d5df0"),
+    "transport_water": (0, "c8ddae9e1dd7ca70"),
 }
 
 

@@ -10,7 +10,7 @@
 
 namespace softgym_mj::fluid {
 
-// Largest number of listed neighbors of a particle; in water at rest there are 28 to 39.
+// Largest number of listed neighbors of a particle; in water at rest there are at most 39.
 constexpr int kMostNeighbors = 88;
 constexpr int kListStride = kMostNeighbors + kLanes;  // Writes may exceed the list by one vector.
 constexpr int kListRoom = 264;                        // Room behind the last list for the writes of `FindNeighbors`.
@@ -20,9 +20,10 @@ enum Flag { kNotFinite = 1, kTooManyNeighbors = 2, kTooManyCells = 4, kScattered
 
 // Scalars of a step.
 struct Step {
-  int flags, lists_valid, expired, repeated, nx, ny, nz;
+  int flags, expired, repeated, nx, ny, nz;
   bool too_many, crowded;
   double origin[3], furthest[3], extent[3], sum[3];
+  float margin;  // Margin of the lists [m]; 0 if they are not valid for another substep.
   float mean[3], first, second;
   int pairs[kMostWalls];
   float wall_start[12 * kMostWalls], wall_end[12 * kMostWalls], wall_built[12 * kMostWalls];

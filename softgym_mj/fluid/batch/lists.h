@@ -13,7 +13,8 @@
 namespace softgym_mj::fluid {
 namespace {
 
-inline float ListDistance(const Model& m) { return m.fluid.radius + kListSkin * m.fluid.spacing; }
+// Largest distance of listed pairs when the lists are built.
+inline float ListDistance(const Environment& w) { return w.model->fluid.radius + w.step->margin; }
 
 // A wall and the particles near it.
 inline WallPairs PairsOf(const Environment& w, int wall) {
@@ -56,7 +57,7 @@ inline void SumAll(const Environment& w, F number) {
 // Sets the size of the grid, as `Solver::ShapeGrid`.
 inline void ShapeGrid(const Environment& w) {
   const Model& m = *w.model;
-  const float cell = ListDistance(m);
+  const float cell = m.fluid.radius;
   const float* x = w.particles.position;
   double mean[3];
   SumAll<double>(w, [&](int i, int k) { return x[4 * i + k]; });
@@ -84,7 +85,7 @@ inline void Sort(Environment* w) {
   const Model& m = *w->model;
   const Step& step = *w->step;
   const int count = m.count, cells = step.nx * step.ny * step.nz;
-  const float inverse = 1.0f / ListDistance(m);
+  const float inverse = 1.0f / ListDistance(*w);
   const auto wrap = [inverse](float x, int size) { return CellOf(x * inverse) & (size - 1); };
   Each(cells + 2, [&](int c) { w->start[c] = w->fill[c] = 0; });
   Each(count, [&](int i) {
@@ -138,7 +139,7 @@ inline void ListNeighborsOf(const Environment& w, int i) {
   static_assert(kAhead <= kLanes, "What is read and written ahead must fit.");
   const Step& step = *w.step;
   const Grid grid = {step.nx, step.ny, step.nz, w.start};
-  const float distance = ListDistance(*w.model), inverse = 1.0f / distance, limit = distance * distance;
+  const float distance = ListDistance(w), inverse = 1.0f / distance, limit = distance * distance;
   const auto* const position = reinterpret_cast<const float4*>(w.particles.position);
   const float4 own = position[i];
   int first[kRanges], last[kRanges];
@@ -222,7 +223,7 @@ static_assert(kListRoom >= kChunk + kLanes, "Every list must fit.");
 inline void ListNeighbors(Environment* w) {
   const Grid grid = {w->step->nx, w->step->ny, w->step->nz, w->start};
   w->neighbors.end = w->begin + 1;
-  FindNeighbors(w->particles, grid, ListDistance(*w->model), w->neighbors);
+  FindNeighbors(w->particles, grid, ListDistance(*w), w->neighbors);
 }
 
 // Lists the particles near a wall by the plugin's kernel.
@@ -236,54 +237,66 @@ inline void ListNear(const Environment& w, int wall, float range) {
 // Lists the particles near each wall.
 inline void ListPairs(const Environment& w) {
   const Model& m = *w.model;
-  const float range = m.fluid.radius + kWallSkin * m.fluid.spacing;
+  const float range = m.fluid.radius + (w.step->margin > 0 ? kWallSkin * m.fluid.spacing : 0);
   Each(12 * m.num_walls, [&](int k) { w.step->wall_built[k] = w.step->wall_end[k]; });
   Each(m.num_walls, [&](int wall) { w.step->pairs[wall] = 0; });
   for (int wall = 0; wall < m.num_walls; ++wall) ListNear(w, wall, range);
 }
 
-inline void BuildLists(Environment* w) {
-  const Model& m = *w->model;
-  Sort(w);
-  ListNeighbors(w);
-  Each(4 * m.count, [&](int k) { w->built[k] = w->particles.position[k]; });
-  ListPairs(*w);
-  Once([&] { w->step->lists_valid = 1; });
-}
-
-// Whether the lists must be rebuilt, as `Solver::ListsExpired`.
-inline bool ListsExpired(const Environment& w) {
+// Finds the mean of vectors at(i, 0..2) of the particles, and their two largest squared deviations from it.
+template <class F>
+inline void FindDeviations(const Environment& w, F at) {
   const Model& m = *w.model;
   Step* step = w.step;
-  if (!step->lists_valid) return true;
-  const float *now = w.particles.position, *built = w.built;
-  SumAll<float>(w, [&](int i, int k) { return now[4 * i + k] - built[4 * i + k]; });
+  SumAll<float>(w, at);
   Each(3, [&](int k) {
     step->mean[k] = static_cast<float>(step->sum[k]) / static_cast<float>(m.count);
     if (k > 0) return;
     step->first = step->second = 0;
     step->expired = step->repeated = 0;
   });
-  // The two largest squared deviations.
-  Each(m.count, [&](int i) { TakeLargest(&step->first, SquaredDeviation(now + 4 * i, built + 4 * i, step->mean)); });
+  const auto squared = [&](int i) { return SquaredDeviation([&](int k) { return at(i, k); }, step->mean); };
+  Each(m.count, [&](int i) { TakeLargest(&step->first, squared(i)); });
   Each(m.count, [&](int i) {
-    const float squared = SquaredDeviation(now + 4 * i, built + 4 * i, step->mean);
-    if (squared < step->first) {
-      TakeLargest(&step->second, squared);
+    const float own = squared(i);
+    if (own < step->first) {
+      TakeLargest(&step->second, own);
     } else {
       Add(&step->repeated, 1);
     }
   });
+}
+inline float SecondDeviation(const Step& step) { return std::sqrt(step.repeated > 1 ? step.first : step.second); }
+
+inline void BuildLists(Environment* w, int later) {
+  const Model& m = *w->model;
+  Step* step = w->step;
+  const float* v = w->particles.velocity;
+  FindDeviations(*w, [v](int i, int k) { return v[4 * i + k]; });
+  Once([&] { step->margin = ListMargin(m.fluid, m.h * (std::sqrt(step->first) + SecondDeviation(*step)), later); });
+  Sort(w);
+  ListNeighbors(w);
+  Each(4 * m.count, [&](int k) { w->built[k] = w->particles.position[k]; });
+  ListPairs(*w);
+}
+
+// Whether the lists must be rebuilt, as `Solver::ListsExpired`.
+inline bool ListsExpired(const Environment& w) {
+  const Model& m = *w.model;
+  Step* step = w.step;
+  if (step->margin == 0) return true;
+  const float *now = w.particles.position, *built = w.built;
+  FindDeviations(w, [now, built](int i, int k) { return now[4 * i + k] - built[4 * i + k]; });
   Each(m.num_walls + 1, [&](int wall) {
-    float other, skin = kWallSkin;
+    float other, margin = kWallSkin * m.fluid.spacing;
     if (wall < m.num_walls) {
       const BatchWall& own = m.walls[wall];
       other = WallMotion(own.shape, own.size, step->wall_end + 12 * wall, step->wall_built + 12 * wall, step->mean);
     } else {
-      other = std::sqrt(step->repeated > 1 ? step->first : step->second);
-      skin = kListSkin;
+      other = SecondDeviation(*step);
+      margin = step->margin;
     }
-    if (std::sqrt(step->first) + other > skin * m.fluid.spacing) SetBits(&step->expired, 1);
+    if (std::sqrt(step->first) + other > margin) SetBits(&step->expired, 1);
   });
   return step->expired;
 }

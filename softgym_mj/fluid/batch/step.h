@@ -66,7 +66,8 @@ inline void Load(const Environment& w) {
     w.step->furthest[k] = 0;
   });
   Once([&] {
-    w.step->flags = w.step->lists_valid = 0;
+    w.step->flags = 0;
+    w.step->margin = 0;
     w.step->too_many = false;
   });
   Each(m.count, [&](int i) {
@@ -95,7 +96,7 @@ inline void Load(const Environment& w) {
   });
 }
 
-inline void Substep(Environment* w) {
+inline void Substep(Environment* w, int later) {
   const Model& m = *w->model;
   const Particles& p = w->particles;
   const FluidConstants fluid = m.fluid;
@@ -105,7 +106,7 @@ inline void Substep(Environment* w) {
     for (int k = 0; k < 4; ++k) p.old_position[4 * i + k] = p.position[4 * i + k];
     Fall(p, i, fall, m.max_speed, m.h);
   });
-  if (ListsExpired(*w)) BuildLists(w);
+  if (ListsExpired(*w)) BuildLists(w, later);
   Each(m.count + 1, [&](int i) {
     Store4(p.wall_gradient + 4 * i, 0, 0, 0, 0);
     p.free_share[i] = 1;
@@ -189,7 +190,7 @@ inline void StepEnvironment(Environment* w) {
   for (int s = 0; s < m.substeps; ++s) {
     Each(12 * m.num_walls, [&](int k) { w->step->wall_start[k] = w->step->wall_end[k]; });
     PlaceWalls(*w, static_cast<double>(s + 1) / m.substeps);
-    Substep(w);
+    Substep(w, m.substeps - 1 - s);
   }
   SmoothAll(*w);
   HandOver(*w);

@@ -10,10 +10,10 @@
 
 namespace softgym_mj {
 
-// [spacings] Margin of lists beyond the interaction range; they are rebuilt when a pair outside may have come into
-// range.
+// [spacings] Largest margin of lists of neighbors beyond the interaction range, and margin of lists of particles near
+// walls, unless that of neighbors is 0. Lists are rebuilt when a pair outside may have come into range.
 constexpr float kListSkin = 0.45f;
-constexpr float kWallSkin = 1.0f;
+constexpr float kWallSkin = 0.3f;
 constexpr float kFar = 1e6f;  // [m] Position of the particle that pads lists.
 // [spacings] Coincident particles do not repel each other: all but one are moved by this.
 constexpr float kNudge = 0.01f;
@@ -85,9 +85,21 @@ inline void Fall(const Particles& p, int i, const float fall[3], float max_speed
   }
 }
 
-// Squared deviation of the displacement from b to a from `mean` [m^2].
-inline float SquaredDeviation(const float* a, const float* b, const float* mean) {
-  const float x = a[0] - b[0] - mean[0], y = a[1] - b[1] - mean[1], z = a[2] - b[2] - mean[2];
+// Margin [m] of lists of neighbors that last, if possible, for the `later` substeps that follow. In a substep two
+// particles approach each other by at most `approach` [m] at their velocities. Returns 0 if lists would not last for
+// three substeps: new ones in every substep then cost less than longer ones.
+inline float ListMargin(const FluidConstants& fluid, float approach, int later) {
+  constexpr float kReserve = 1.5f, kLeast = 0.02f;  // For accelerations: factor, and margin at rest [spacings].
+  const float most = kListSkin * fluid.spacing;
+  if (later == 0 || 3 * approach > most) return 0;
+  const float margin = kLeast * fluid.spacing + kReserve * approach * static_cast<float>(later);
+  return margin < most ? margin : most;
+}
+
+// Squared length of at(k) - mean[k], 0 <= k < 3.
+template <class F>
+inline float SquaredDeviation(F at, const float* mean) {
+  const float x = at(0) - mean[0], y = at(1) - mean[1], z = at(2) - mean[2];
   return x * x + y * y + z * z;
 }
 
@@ -99,7 +111,7 @@ inline float WallMotion(Shape shape, const float* size, const float* pose, const
     radius = std::sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]);
   }
   for (int k = 3; k < 12; ++k) turn += (pose[k] - old[k]) * (pose[k] - old[k]);
-  return std::sqrt(SquaredDeviation(pose, old, mean)) + radius * std::sqrt(turn);
+  return std::sqrt(SquaredDeviation([&](int k) { return pose[k] - old[k]; }, mean)) + radius * std::sqrt(turn);
 }
 
 // Linear and angular velocity of a wall that moves from pose a to pose b in h [s].

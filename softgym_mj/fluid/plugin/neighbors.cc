@@ -16,17 +16,36 @@ namespace {
 constexpr int kMaxPairs = 1 << 24;
 constexpr int kMaxNeighbors = 256;
 
+// Mean of vectors, and their two largest deviations from it.
+struct Deviations {
+  float mean[3], first, second;
+};
+
+// `Deviations` of the vectors at(i, 0..2), 0 <= i < count.
+template <class F>
+Deviations FindDeviations(int count, F at) {
+  Deviations out = {};
+  for (int k = 0; k < 3; ++k) {
+    out.mean[k] = SumInShares<float>(count, [&](int i) { return at(i, k); }) / static_cast<float>(count);
+  }
+  for (int i = 0; i < count; ++i) {
+    const float squared = SquaredDeviation([&](int k) { return at(i, k); }, out.mean);
+    out.second = std::max(out.second, std::min(out.first, squared));
+    out.first = std::max(out.first, squared);
+  }
+  out.first = std::sqrt(out.first);
+  out.second = std::sqrt(out.second);
+  return out;
+}
+
 int RoundUp(int n, int step) { return (n + step - 1) / step * step; }
 
 }  // namespace
 
-// Largest distance of listed pairs when the lists are built.
-float Solver::ListDistance() const { return fluid_.radius + kListSkin * fluid_.spacing; }
-
 // Chooses the numbers of cells along the axes: about as many cells as particles, in the proportions
 // of the fluid. The extent is four mean deviations, the length of a column, which a stray drop hardly affects.
 void Solver::ShapeGrid() {
-  const float cell = ListDistance();
+  const float cell = fluid_.radius;
   float extent[3];
   for (int k = 0; k < 3; ++k) {
     const float* x = p_.position + k;
@@ -111,8 +130,11 @@ void Solver::Separate() {
   }
 }
 
-void Solver::BuildLists() {
-  const float distance = ListDistance();
+void Solver::BuildLists(float h, int later) {
+  const float* v = p_.velocity;
+  const Deviations velocity = FindDeviations(count_, [v](int i, int k) { return v[4 * i + k]; });
+  margin_ = ListMargin(fluid_, h * (velocity.first + velocity.second), later);
+  const float distance = fluid_.radius + margin_;
   Sort(distance);
   long capacity = std::max<long>(static_cast<long>(index_.size()), 48L * count_ + 4096);
   neighbors_.most = std::max(kMaxNeighbors, kMaxPairs / count_);
@@ -125,12 +147,11 @@ void Solver::BuildLists() {
   neighbors_.e = e_.Reserve(3 * neighbors_.stride);
   std::memcpy(built_position_.get(), p_.position, 4 * sizeof(float) * count_);
   FindPairs();
-  lists_valid_ = true;
 }
 
 // Lists the particles near each wall.
 void Solver::FindPairs() {
-  const float range = fluid_.radius + kWallSkin * fluid_.spacing;
+  const float range = fluid_.radius + (margin_ > 0 ? kWallSkin * fluid_.spacing : 0);
   const int most = count_ + kLanes;
   const int num_walls = static_cast<int>(walls_->size());
   wall_built_ = wall_end_;
@@ -163,25 +184,15 @@ void Solver::FindPairs() {
 // each other by at most the two largest deviations from the mean displacement; motion of everything
 // together does not count.
 bool Solver::ListsExpired() const {
-  if (!lists_valid_) return true;
+  if (margin_ == 0) return true;
   const float *now = p_.position, *built = built_position_.get();
-  float mean[3];
-  for (int k = 0; k < 3; ++k) {
-    const float sum = SumInShares<float>(count_, [&](int i) { return now[4 * i + k] - built[4 * i + k]; });
-    mean[k] = sum / static_cast<float>(count_);
-  }
-  float first = 0, second = 0;  // The two largest, squared.
-  for (int i = 0; i < 4 * count_; i += 4) {
-    const float squared = SquaredDeviation(now + i, built + i, mean);
-    second = std::max(second, std::min(first, squared));
-    first = std::max(first, squared);
-  }
-  first = std::sqrt(first);
-  if (first + std::sqrt(second) > kListSkin * fluid_.spacing) return true;
+  const Deviations moved =
+      FindDeviations(count_, [now, built](int i, int k) { return now[4 * i + k] - built[4 * i + k]; });
+  if (moved.first + moved.second > margin_) return true;
   for (size_t w = 0; w < walls_->size(); ++w) {
     const Wall& wall = (*walls_)[w];
-    const float moved = WallMotion(wall.shape, wall.size, &wall_end_[12 * w], &wall_built_[12 * w], mean);
-    if (first + moved > kWallSkin * fluid_.spacing) return true;
+    const float way = WallMotion(wall.shape, wall.size, &wall_end_[12 * w], &wall_built_[12 * w], moved.mean);
+    if (moved.first + way > kWallSkin * fluid_.spacing) return true;
   }
   return false;
 }

@@ -83,7 +83,8 @@ void Solver::Prepare(const FluidConfig& config, double h, const double* position
   fluid_ = MakeConstants(config, h);
   mass_ = config.density * config.spacing * config.spacing * config.spacing;
   count_ = config.count;
-  lists_valid_ = too_many_ = false;
+  margin_ = 0;
+  too_many_ = false;
   neighbors_.too_many = &too_many_;
   FindOrigin(positions);
   const size_t n = static_cast<size_t>(count_) + kLanes;
@@ -174,12 +175,12 @@ void Solver::AddImpulse(const double (&sums)[6], double mass_rate, Impulse* impu
   }
 }
 
-void Solver::Substep(float h, const double gravity[3], float max_speed, Impulse* impulses) {
+void Solver::Substep(float h, int later, const double gravity[3], float max_speed, Impulse* impulses) {
   const float fall[3] = {static_cast<float>(gravity[0]) * h, static_cast<float>(gravity[1]) * h,
                          static_cast<float>(gravity[2]) * h};
   std::memcpy(p_.old_position, p_.position, 4 * sizeof(float) * count_);
   for (int i = 0; i < count_; ++i) Fall(p_, i, fall, max_speed, h);
-  if (ListsExpired()) BuildLists();
+  if (ListsExpired()) BuildLists(h, later);
 
   std::fill(p_.wall_gradient, p_.wall_gradient + 4 * (count_ + 1), 0.0f);
   std::fill(p_.free_share, p_.free_share + count_ + 1, 1.0f);
@@ -269,7 +270,7 @@ bool Solver::Step(const FluidConfig& config, double timestep, const double gravi
     const double fraction = static_cast<double>(s + 1) / substeps;
     PlaceWalls(start, end, fraction);
     flexes_.Place(fraction);
-    Substep(h, gravity, max_speed, impulses);
+    Substep(h, substeps - 1 - s, gravity, max_speed, impulses);
   }
   Smooth(config, timestep, h, impulses);
   Store(positions, velocities);

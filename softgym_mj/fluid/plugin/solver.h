@@ -84,15 +84,14 @@ class Solver {
   void FindOrigin(const double* positions);
   void Load(const double* positions, const double* velocities);
   void Store(double* positions, double* velocities) const;
-  float ListDistance() const;
   void ShapeGrid();
   void Sort(float cell);
   void Separate();
   void FindPairs();
-  void BuildLists();
+  void BuildLists(float h, int later);
   bool ListsExpired() const;
   void PlaceWalls(const std::vector<Pose>& start, const std::vector<Pose>& end, double fraction);
-  void Substep(float h, const double gravity[3], float max_speed, Impulse* impulses);
+  void Substep(float h, int later, const double gravity[3], float max_speed, Impulse* impulses);
   void Smooth(const FluidConfig& config, double timestep, float h, Impulse* impulses);
   void DragAtWalls(float viscosity, float h, Impulse* impulses);
   void AddImpulse(const double (&sums)[6], double mass_rate, Impulse* impulse) const;
@@ -103,7 +102,7 @@ class Solver {
   Grid grid_;
   Neighbors neighbors_;
   int count_ = 0;
-  bool lists_valid_ = false;
+  float margin_ = 0;  // Margin of the lists [m]; 0 if they are not valid for another substep.
   bool too_many_ = false;
   double mass_;       // Mass of a particle [kg].
   double origin_[3];  // Single precision positions are relative to it.
