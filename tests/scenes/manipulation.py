@@ -1,7 +1,6 @@
 """A cloth and two pickers without a task: scripted folds and drops."""
 
 import dataclasses
-from collections.abc import Callable
 
 import mujoco
 import numpy as np
@@ -56,8 +55,8 @@ class ManipulationScene:
         record: what has happened so far.
     """
 
-    def __init__(self, cloth: Cloth, on_step: Callable[["ManipulationScene"], None] | None = None):
-        """Builds the scene; `on_step` is called after every sim step."""
+    def __init__(self, cloth: Cloth):
+        """Builds the scene."""
         self.cloth, self.picker, self.record = cloth, Picker(), Record()
         arena = Arena("cloth")
         arena.attach(cloth)
@@ -66,7 +65,6 @@ class ManipulationScene:
         self.physics = arena.compile(cloth.timestep, cloth, self.picker)
         cloth.set_points(cloth.flat())
         self.picker.place(self.picker.default_positions(np.array([0.0, 0.0, _PARKED])), _WORKSPACE)
-        self._on_step = on_step
         self._released = False
         self._count = 0
 
@@ -102,8 +100,6 @@ class ManipulationScene:
         self.picker.move(1.0, SIM_STEP)
         mujoco.mj_step(self.physics.model.ptr, self.physics.data.ptr)
         self._measure()
-        if self._on_step is not None:
-            self._on_step(self)
 
     def _measure(self):
         record, vertices = self.record, self.cloth.points()
@@ -140,14 +136,12 @@ def fold(scene: ManipulationScene, speed: float, rest: float = 2.0) -> None:
     scene.release(rest)
 
 
-def lift_and_release(
-    scene: ManipulationScene, height: float = 0.3, speed: float = 0.6, rest: float = 2.0
-) -> None:
-    """Lifts two adjacent corners to `height` [m] at `speed` [m/s], drops them and rests [s]."""
+def lift_and_release(scene: ManipulationScene, speed: float = 0.6) -> None:
+    """Lifts two adjacent corners by 0.3 m at `speed` [m/s], drops them and rests for 2 s."""
     corners = scene.cloth.corners
     scene.grip([int(corners[0]), int(corners[1])])
     # Along a quarter circle about where the cloth leaves the floor, so that nothing is dragged.
     angle = np.linspace(0.0, np.pi / 2, 100)
-    path = height * np.column_stack([1 - np.cos(angle), np.zeros_like(angle), np.sin(angle)])
+    path = 0.3 * np.column_stack([1 - np.cos(angle), np.zeros_like(angle), np.sin(angle)])
     scene.follow(path, speed)
-    scene.release(rest)
+    scene.release(2.0)
