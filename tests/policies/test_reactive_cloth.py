@@ -64,7 +64,12 @@ def test_free_pickers_grasp_the_ends_of_the_middle_column_from_outside():
     pickers = [grasp[0] + 0.05 * outside, grasp[1]]
     moves, grips = entries(fold_crumpled_cloth(seen(points, pickers, (0, -1))))
     np.testing.assert_allclose(moves[0], -0.05 / 0.08 * outside, atol=1e-9)
-    assert grips.tolist() == [-1.0, -1.0]
+    assert grips.tolist() == [1.0, -1.0]
+    # It closes on the way, within 10 cm along the direction and 4 cm beside it.
+    near = (0.099, 0.0, 1.0), (0.101, 0.0, -1.0), (0.0, 0.039, 1.0), (0.0, 0.041, -1.0)
+    for along, beside, grip in near:
+        pickers = [grasp[0] + along * outside + [beside, 0.0, 0.0], grasp[1]]
+        assert entries(fold_crumpled_cloth(seen(points, pickers)))[1].tolist() == [grip, 1.0]
 
 
 def test_a_picker_with_an_end_lifts_it_and_the_other_one_fetches_the_opposite_end():

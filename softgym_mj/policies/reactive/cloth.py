@@ -28,7 +28,9 @@ END = 0.1  # [m] Cost up to which a vertex counts as an end.
 # [m] Cost that a held vertex may exceed the best exposed one by: cloth that hangs from two vertices
 # shows its ends.
 BETTER = 0.05
-READY = 0.012  # [m] Distance from a grasp along every axis at which a picker closes.
+# [m] Distances from a grasp, across its direction and along it, up to which a picker is closed,
+# before the vertex is in reach: imitators never learned to close for a moment only.
+READY, HIGH = 0.04, 0.1
 # Pickers approach a grasp in a funnel along its direction: radius at the bottom [m], slope and
 # height [m]. Beyond a horizontal distance [m] they keep above the cloth, with a slope and a height
 # [m].
@@ -154,9 +156,10 @@ def _fetched(
     direction = xp.where(second, directions[1], directions[0])
     away = hands.centers[..., i, :] - grasp
     axial = xp.sum(away * direction, axis=-1)[..., None]
-    outside = lengths(away - axial * direction) - NARROW
-    level = xp.clip(SLOPE * outside, 0.0, STANDOFF)[..., None]
+    aside = lengths(away - axial * direction)
+    level = xp.clip(SLOPE * (aside - NARROW), 0.0, STANDOFF)[..., None]
     over = xp.clip(RISE * (lengths(away[..., :2]) - AROUND), 0.0, OVER)
     goal = grasp + level * direction
     goal = at(goal[..., :2], goal[..., 2] + over)
-    return goal, (xp.max(xp.abs(away), axis=-1) <= READY) & ~hands.lost[..., i]
+    near = (aside <= READY) & (axial[..., 0] <= HIGH)
+    return goal, near & ~hands.lost[..., i]
