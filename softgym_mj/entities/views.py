@@ -117,7 +117,8 @@ class View:
 # tools/cameras.py. By hand, those of pour_water, and of drop_fold_cloth with pickers, were moved 6
 # and 7 % away, and that of spread_cloth with pickers nearer, as its cloth is small. Those of
 # drop_cloth with pickers and of drop_fold_cloth with arms keep their direction, at distances that
-# show the mark of the goal. That of rope_configuration with arms was moved 1 % nearer.
+# show the mark of the goal. That of rope_configuration with arms was moved 1 % nearer. That of
+# hang_cloth, also by hand, shows both sides of the bar.
 FRAMED = {
     "drop_cloth": (
         ((1.461, 0.0, 2.21), (-0.086, 0.0, 0.0), 30.0),
