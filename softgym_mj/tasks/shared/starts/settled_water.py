@@ -66,7 +66,7 @@ class SettledWater:
     def parameters(self) -> dict[str, object]:
         """Parameters that determine the initial states, except the cups, as a dict."""
         liquid = dataclasses.asdict(self.liquid)
-        return {"version": 4, "fidelity": self.fidelity, "liquid": liquid, "timestep": TIMESTEP}
+        return {"version": 5, "fidelity": self.fidelity, "liquid": liquid, "timestep": TIMESTEP}
 
     @property
     def max_points(self) -> int:
