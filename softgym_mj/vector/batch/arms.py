@@ -179,9 +179,7 @@ class ArmClothBatch(JaxArms, ClothBatch):
 
     def _vertices(self) -> Array:
         """Returns positions of vertices (num_envs, v, 3) [m]; infinite ones do not exist."""
-        state, room = self.state, self.state["origin"].shape[1]
-        points = state["origin"] + state["qpos"][:, :room]
-        return self._xp.where(state["present"][..., None], points, math.inf)
+        return self._padded(self.state["origin"].shape[1], math.inf)
 
     def finish(self) -> None:
         with jax.enable_x64(True):

@@ -231,10 +231,14 @@ class ClothBatch(BatchPhysics):
     # ------------------------------------------------------------------ what is seen
 
     def points(self, number: int) -> Array:
+        return self._padded(number, 0.0)
+
+    def _padded(self, number: int, padding: float) -> Array:
+        """Returns `points` with other coordinates [m] of vertices that do not exist."""
         state = self.state
         number = min(number, state["origin"].shape[1])
         points = state["origin"][:, :number] + state["qpos"][:, :number]
-        return self._xp.where(state["present"][:, :number, None], points, 0.0)
+        return self._xp.where(state["present"][:, :number, None], points, padding)
 
     def task_state(self, number: int) -> State:
         present = self._xp.asarray(self.state["present"][:, :number], copy=True)
