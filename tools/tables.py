@@ -185,26 +185,25 @@ def stills() -> str:
 def pages() -> dict[pathlib.Path, str]:
     """Returns the text of each page with current tables."""
     scores: experts.Scores = measured("experts")
-    named: tuple[tuple[str, dict[str, Callable[[], str]]], ...] = (
-        ("../README.md", {"learned": learned.overview, "tasks": lambda: overview(scores),
-                          "reality": reality_table.summary}),
-        ("robots.md", {"speed": arm_speeds}),
-        ("softgym_plus.md", {"tasks": lambda: beyond(scores)}),
-        ("gpu.md", {"speed": materials, "processes": processes, **gpu_tables.TABLES}),
-        ("pictures.md", {"gallery": stills}),
-        ("reality.md", {**lab_tables.TABLES, **rope_tables.TABLES, **cloth_tables.TABLES,
-                        **water_tables.TABLES}),
-        ("physics.md", {"lab": lab_tables.kept}),
-        ("learning.md", {"presets": presets.presets, "settings": settings_table.sac}),
-        ("custom_tasks.md", {"grasps": grasp_table.grasps}),
-        ("recipes.md", {"lerobot": lerobot_table.scores}),
-        ("validation.md", {"experts": lambda: experts.table(scores)}),
-        ("results.md", {"commands": published_commands.commands, "overview": learned.matrix,
-                        "learned": learned.results, "others": learned.others}),
+    named: tuple[tuple[pathlib.Path, dict[str, Callable[[], str]]], ...] = (
+        (ROOT / "README.md", {"learned": learned.overview, "tasks": lambda: overview(scores),
+                              "reality": reality_table.summary}),
+        (DOCS / "robots.md", {"speed": arm_speeds}),
+        (DOCS / "softgym_plus.md", {"tasks": lambda: beyond(scores)}),
+        (DOCS / "gpu.md", {"speed": materials, "processes": processes, **gpu_tables.TABLES}),
+        (DOCS / "pictures.md", {"gallery": stills}),
+        (DOCS / "reality.md", {**lab_tables.TABLES, **rope_tables.TABLES, **cloth_tables.TABLES,
+                               **water_tables.TABLES}),
+        (DOCS / "physics.md", {"lab": lab_tables.kept}),
+        (DOCS / "learning.md", {"presets": presets.presets, "settings": settings_table.sac}),
+        (DOCS / "custom_tasks.md", {"grasps": grasp_table.grasps}),
+        (DOCS / "recipes.md", {"lerobot": lerobot_table.scores}),
+        (DOCS / "validation.md", {"experts": lambda: experts.table(scores)}),
+        (DOCS / "results.md", {"commands": published_commands.commands, "overview": learned.matrix,
+                               "learned": learned.results, "others": learned.others}),
     )  # fmt: skip
     texts = {}
-    for page, tables in named:
-        path = (DOCS / page).resolve()
+    for path, tables in named:
         text = path.read_text()
         for name, of in tables.items():
             text = between(text, name, of())
