@@ -266,6 +266,8 @@ inline void FindDeviations(const Environment& w, F at) {
     }
   });
 }
+
+// The second largest deviation, after `FindDeviations`.
 inline float SecondDeviation(const Step& step) { return std::sqrt(step.repeated > 1 ? step.first : step.second); }
 
 inline void BuildLists(Environment* w, int later) {
