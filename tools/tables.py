@@ -128,18 +128,19 @@ def processes() -> str:
 
 def overview(scores: experts.Scores) -> str:
     """The README's table of SoftGym's tasks: goals, scores, speeds."""
-    rates, on_gpus = measured("throughput")["tasks"], measured("gpu")["rates"]
+    rates, gpu = measured("throughput")["tasks"], measured("gpu")
     rows = []
     for name in task_names(SOFTGYM):
         record = TASKS[name]
         played = score(scores[name]["default"]) if name in scores else "not yet played"
         rate = f"{rates[name]['env_steps_per_second']:.0f}" if name in rates else "not yet measured"
         page = f"[`{name}`](docs/tasks/{name}.md)"
-        thousand = on_gpus.get(name, {}).get("1056")
+        thousand = gpu["rates"].get(name, {}).get("1056")
         fast = f"{thousand['env_steps_per_s']:,.0f}" if thousand else "not yet measured"
         row = page, record.tags[0], record.summary, played, rate, fast
         rows.append(f"| {' | '.join(row)} |")
-    head = "| task | level | goal | scripted expert | env steps/s, one core | one H100 |"
+    card = gpu["machine"]["gpu"].split()[1]  # "NVIDIA H100 80GB HBM3" is an H100.
+    head = f"| task | level | goal | scripted expert | env steps/s, one core | one {card} |"
     return table(head, rows)
 
 
