@@ -40,7 +40,6 @@ from softgym_mj.variations.indices import check_variation
 _COLUMNS = "suite", "name", "gymnasium_id", "tags", "horizon", "action_repeat", "goal"
 VIDEO_SIZE = 480  # Side of a video [pixels].
 DEMO_JOBS = min(os.cpu_count() or 1, 4)  # Worker processes of `demo`.
-DEMO_SIZE = 320  # Side of the videos of `demo`, which plays all tasks [pixels].
 
 
 def list_tasks() -> None:
@@ -75,7 +74,7 @@ def demo(
     out: Annotated[
         pathlib.Path, typer.Option(help="Folder for videos and pictures.")
     ] = pathlib.Path("demo"),
-    size: Annotated[int, typer.Option(help="Image side [pixels].", min=64, max=1280)] = DEMO_SIZE,
+    size: Annotated[int, typer.Option(help="Image side [pixels].", min=64, max=1280)] = 240,
     variation: Variation = None,
     look: Look = PAPER.name,
     jobs: Jobs = DEMO_JOBS,
