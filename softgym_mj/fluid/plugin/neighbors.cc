@@ -25,13 +25,23 @@ struct Deviations {
 template <class F>
 Deviations FindDeviations(int count, F at) {
   Deviations out = {};
-  for (int k = 0; k < 3; ++k) {
-    out.mean[k] = SumInShares<float>(count, [&](int i) { return at(i, k); }) / static_cast<float>(count);
+  // Sums as in `SumInShares`, of all components at once.
+  float sum[3] = {};
+  for (int first = 0; first < count; first += kShare) {
+    float share[3] = {};
+    const int end = std::min(first + kShare, count);
+    for (int i = first; i < end; ++i) {
+      for (int k = 0; k < 3; ++k) share[k] += at(i, k);
+    }
+    for (int k = 0; k < 3; ++k) sum[k] += share[k];
   }
+  for (int k = 0; k < 3; ++k) out.mean[k] = sum[k] / static_cast<float>(count);
   for (int i = 0; i < count; ++i) {
     const float squared = SquaredDeviation([&](int k) { return at(i, k); }, out.mean);
-    out.second = std::max(out.second, std::min(out.first, squared));
-    out.first = std::max(out.first, squared);
+    if (squared > out.second) {
+      out.second = std::min(out.first, squared);
+      out.first = std::max(out.first, squared);
+    }
   }
   out.first = std::sqrt(out.first);
   out.second = std::sqrt(out.second);
