@@ -121,10 +121,23 @@ void Solver::Separate() {
   const auto compare = [this](int i, int j) {
     return std::memcmp(p_.position + 4 * i, p_.position + 4 * j, 3 * sizeof(float));
   };
+  // Whether particles first..last-1, if they are few, are all at different x.
+  const auto differ = [this](int first, int last) {
+    constexpr int kFew = 16;
+    if (last - first > kFew) return false;
+    for (int i = first; i < last; ++i) {
+      for (int j = first; j < i; ++j) {
+        if (std::memcmp(p_.position + 4 * i, p_.position + 4 * j, sizeof(float)) == 0) return false;
+      }
+    }
+    return true;
+  };
   for (int c = 0; c < cells; ++c) {
+    const int first = grid_.start[c], last = grid_.start[c + 1];
+    if (differ(first, last)) continue;
     // Sorted, as a cell may hold all particles there are.
-    in_cell_.resize(grid_.start[c + 1] - grid_.start[c]);
-    std::iota(in_cell_.begin(), in_cell_.end(), grid_.start[c]);
+    in_cell_.resize(last - first);
+    std::iota(in_cell_.begin(), in_cell_.end(), first);
     std::sort(in_cell_.begin(), in_cell_.end(), [&compare](int i, int j) {
       const int order = compare(i, j);
       return order != 0 ? order < 0 : i < j;
