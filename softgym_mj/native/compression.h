@@ -13,11 +13,16 @@ inline unsigned FirstBits(int count) { return (1u << (count < kLanes ? count : k
 
 #ifdef SGM_AVX2
 
-// Whether each of eight numbers differs from `a`.
-inline Mask Differ(const int* p, int a) {
+// The first `count` lanes, or all.
+inline Mask FirstLanes(int count) {
+  const __m256i lanes = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+  return {_mm256_castsi256_ps(_mm256_cmpgt_epi32(_mm256_set1_epi32(count), lanes))};
+}
+
+// Lanes of `mask` whose numbers differ from `a`.
+inline Mask Differing(const int* p, int a, Mask mask) {
   const __m256i all = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(p));
-  const __m256 same = _mm256_castsi256_ps(_mm256_cmpeq_epi32(all, _mm256_set1_epi32(a)));
-  return {_mm256_xor_ps(same, _mm256_castsi256_ps(_mm256_set1_epi32(-1)))};
+  return {_mm256_andnot_ps(_mm256_castsi256_ps(_mm256_cmpeq_epi32(all, _mm256_set1_epi32(a))), mask.v)};
 }
 
 // Lanes of each of the 256 sets of lanes, in order, computed at compile time because code for AVX2 must not run when
@@ -58,8 +63,11 @@ struct Compression {
 
 #else
 
-inline Mask Differ(const int* p, int a) {
-  return MaskByLane([&](int i) { return p[i] != a; });
+inline Mask FirstLanes(int count) {
+  return MaskByLane([&](int i) { return i < count; });
+}
+inline Mask Differing(const int* p, int a, Mask mask) {
+  return MaskByLane([&](int i) { return mask.v[i] & static_cast<int>(p[i] != a); });
 }
 struct Compression {
   int lanes[kLanes];

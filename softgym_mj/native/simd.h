@@ -85,6 +85,18 @@ inline void Sums(Lanes a, Lanes b, Lanes c, Lanes d, float out[4]) {
   _mm_storeu_ps(out, _mm_add_ps(_mm_movelh_ps(ab, cd), _mm_movehl_ps(cd, ab)));
 }
 
+// The least or the largest lane, in all lanes; no lane may be NaN.
+inline Lanes Least(Lanes a) {
+  __m256 b = _mm256_min_ps(a.v, _mm256_permute2f128_ps(a.v, a.v, 1));
+  b = _mm256_min_ps(b, _mm256_shuffle_ps(b, b, 0x4e));
+  return _mm256_min_ps(b, _mm256_shuffle_ps(b, b, 0xb1));
+}
+inline Lanes Largest(Lanes a) {
+  __m256 b = _mm256_max_ps(a.v, _mm256_permute2f128_ps(a.v, a.v, 1));
+  b = _mm256_max_ps(b, _mm256_shuffle_ps(b, b, 0x4e));
+  return _mm256_max_ps(b, _mm256_shuffle_ps(b, b, 0xb1));
+}
+
 // Loads eight vectors of four floats at `index`, component by component; they are aligned to 16 bytes.
 inline void Gather4(const float* p, const int* index, Lanes* x, Lanes* y, Lanes* z, Lanes* w) {
   const auto pair = [&](int low, int high) {
@@ -274,6 +286,16 @@ inline unsigned Bits(Mask mask) {
 inline float Sum(Lanes a) {
   const float* v = a.v;
   return ((v[0] + v[4]) + (v[2] + v[6])) + ((v[1] + v[5]) + (v[3] + v[7]));
+}
+inline Lanes Least(Lanes a) {
+  float least = a.v[0];
+  for (float x : a.v) least = x < least ? x : least;
+  return Lanes(least);
+}
+inline Lanes Largest(Lanes a) {
+  float largest = a.v[0];
+  for (float x : a.v) largest = x > largest ? x : largest;
+  return Lanes(largest);
 }
 inline void Gather4(const float* p, const int* index, Lanes* x, Lanes* y, Lanes* z, Lanes* w) {
   for (int i = 0; i < kLanes; ++i) {
