@@ -123,13 +123,13 @@ inline void Substep(Environment* w, int later) {
   Each(m.count, [&](int i) { p.wall_density[i] = fluid.rest_density * (1.0f - p.free_share[i]); });
   EachBlock(0, m.count, [&](int i) {
     if (fluid.cohesion > 0) {
-      FindPressureOf<true, false>(fluid, p, w->neighbors, i);
+      FindPressureOf<true>(fluid, p, w->neighbors, i);
     } else {
-      FindPressureOf<false, false>(fluid, p, w->neighbors, i);
+      FindPressureOf<false>(fluid, p, w->neighbors, i);
     }
   });
   if (w->step->crowded) Separate(*w);
-  EachBlock(0, m.count, [&](int i) { AddCorrection<false>(fluid, p, w->neighbors, i); });
+  EachBlock(0, m.count, [&](int i) { AddCorrection(fluid, p, w->neighbors, i); });
   for (int wall = 0; wall < m.num_walls; ++wall) {
     const WallPairs pairs = PairsOf(*w, wall);
     double* terms = TermsOf(*w, wall);

@@ -36,7 +36,7 @@ struct Particles {
   float* wall_density;   // Density added by walls, one float per particle.
   float* free_share;     // Product over the walls of the share that they leave open, one float per particle.
   float* pressure;       // One float per particle.
-  float* packed;         // Position (x, y, z) and pressure, if e_ij are not kept.
+  float* packed;         // Position (x, y, z) and pressure, in batches, which do not keep e_ij.
   bool* crowded;         // Set if two particles may be in one place.
   const float* x;        // Coordinates at the time the lists were built.
   const float* y;
@@ -49,7 +49,7 @@ struct Grid {
   const int* start;  // First particle of each cell, nx * ny * nz + 1 entries.
 };
 
-// Scratch memory: copies of particles in and around a cell, with room for all and two vectors more.
+// Scratch memory: copies of particles in and around cells, with room for all and two vectors more.
 struct Candidates {
   float *x, *y, *z;
   int* index;

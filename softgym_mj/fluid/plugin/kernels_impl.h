@@ -5,25 +5,11 @@
 
 #include "fluid/plugin/lists.h"
 #include "fluid/plugin/particles.h"
+#include "fluid/plugin/pressures.h"
 #include "fluid/plugin/pushes.h"
 
 namespace softgym_mj {
 namespace {
-
-void FindPressure(const FluidConstants& constants, const Particles& particles, const Neighbors& lists) {
-  const FluidConstants fluid = constants;
-  const Particles p = particles;
-  const Neighbors neighbors = lists;
-  for (int i = 0; fluid.cohesion > 0 && i < p.count; ++i) FindPressureOf<true, true>(fluid, p, neighbors, i);
-  for (int i = 0; !(fluid.cohesion > 0) && i < p.count; ++i) FindPressureOf<false, true>(fluid, p, neighbors, i);
-}
-
-void AddCorrections(const FluidConstants& constants, const Particles& particles, const Neighbors& lists) {
-  const FluidConstants fluid = constants;
-  const Particles p = particles;
-  const Neighbors neighbors = lists;
-  for (int i = 0; i < p.count; ++i) AddCorrection<true>(fluid, p, neighbors, i);
-}
 
 void SmoothAll(const FluidConstants& constants, const Particles& particles, const Neighbors& lists, float viscosity) {
   const FluidConstants fluid = constants;

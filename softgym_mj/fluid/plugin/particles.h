@@ -99,90 +99,110 @@ inline Nearness FindNearness(const Vec3<Lanes>& x, const Vec3<Lanes>& other, Lan
   return near;
 }
 
-// Cohesion attracts by 27/4 q^2 (1 - q), at most 1, largest at q = r/H = 2/3. `kKept`: whether e_ij is written down.
-template <bool kCohesive, bool kKept>
+// Sums over the neighbors of a particle, lane by lane.
+struct PairSums {
+  Lanes density, squares;
+  Vec3<Lanes> e, pull;
+};
+
+// Adds eight neighbors to the sums; returns e_ij. Cohesion attracts by 27/4 q^2 (1 - q), at most 1, largest at
+// q = r/H = 2/3.
+template <bool kCohesive>
+inline Vec3<Lanes> AddPairs(const Vec3<Lanes>& x, const Vec3<Lanes>& other, Lanes inverse_radius, Lanes attraction,
+                            PairSums* sums) {
+  const Nearness near = FindNearness(x, other, inverse_radius);
+  sums->density = MultiplyAdd(near.s2, near.s, sums->density);
+  sums->squares = MultiplyAdd(near.s2, near.s2, sums->squares);
+  sums->e = {sums->e.x + near.e.x, sums->e.y + near.e.y, sums->e.z + near.e.z};
+  if (kCohesive) {
+    const Lanes pull = attraction * near.q * near.s;
+    sums->pull = {MultiplyAdd(pull, near.away.x, sums->pull.x), MultiplyAdd(pull, near.away.y, sums->pull.y),
+                  MultiplyAdd(pull, near.away.z, sums->pull.z)};
+  }
+  return near.e;
+}
+
+inline float Attraction(const FluidConstants& fluid) { return -6.75f * fluid.cohesion / fluid.radius; }
+
+// Share by which particles, one or eight, are denser than water at rest; `density`: kernel sum with that of walls.
+template <class T>
+inline T Excess(const FluidConstants& fluid, T density) {
+  return density / T(fluid.rest_density) - T(1.0f);
+}
+
+// Pressure of particles, one or eight, given the gradient with the walls' part and the sum of |e_ij|^2.
+template <class T>
+inline T PressureOf(T excess, const Vec3<T>& gradient, T squares) {
+  const T length = gradient.x * gradient.x + gradient.y * gradient.y + gradient.z * gradient.z + squares;
+  return DivideOften0(Max(excess, T(0.0f)), length + T(1e-6f));
+}
+
+// Factor by which displacements are at most `limit`, given their squared lengths.
+inline float Shortening(float squared, float limit) { return squared > limit * limit ? limit / sqrtf(squared) : 1.0f; }
+inline Lanes Shortening(Lanes squared, Lanes limit) {
+  return Select(Less(limit * limit, squared), limit / Sqrt(squared), Lanes(1.0f));
+}
+
+// Displacement by pressure of particles, one or eight, given sum_j p_j e_ij; at most the largest correction.
+template <class T>
+inline Vec3<T> CorrectionOf(const FluidConstants& fluid, const Vec3<T>& sum, T pressure, const Vec3<T>& gradient) {
+  const T scale(fluid.relaxation * fluid.rest_density * fluid.radius / 3.0f), limit(fluid.correction);
+  const T dx = scale * (sum.x + pressure * gradient.x);
+  const T dy = scale * (sum.y + pressure * gradient.y);
+  const T dz = scale * (sum.z + pressure * gradient.z);
+  const T squared = dx * dx + dy * dy + dz * dz;
+  const T clamp = Shortening(squared, limit);
+  return {clamp * dx, clamp * dy, clamp * dz};
+}
+
+template <bool kCohesive>
 inline void FindPressureOf(const FluidConstants& fluid, const Particles& p, const Neighbors& neighbors, int i) {
-  const Lanes attraction(-6.75f * fluid.cohesion / fluid.radius);
-  const Lanes inverse_radius(1.0f / fluid.radius);
-  float *ex = neighbors.e, *ey = ex + neighbors.stride, *ez = ey + neighbors.stride;
+  const Lanes attraction(Attraction(fluid)), inverse_radius(1.0f / fluid.radius), zero(0.0f);
   const float* xi = p.position + 4 * i;
   const Vec3<Lanes> x = {Lanes(xi[0]), Lanes(xi[1]), Lanes(xi[2])};
-  Lanes density(0.0f), squares(0.0f), sum_x(0.0f), sum_y(0.0f), sum_z(0.0f);
-  Lanes pull_x(0.0f), pull_y(0.0f), pull_z(0.0f);
+  PairSums all = {zero, zero, {zero, zero, zero}, {zero, zero, zero}};
   for (int k = neighbors.begin[i]; k < neighbors.end[i]; k += kLanes) {
-    const Nearness near = FindNearness(x, Gather(p.position, neighbors.index + k), inverse_radius);
-    density = MultiplyAdd(near.s2, near.s, density);
-    squares = MultiplyAdd(near.s2, near.s2, squares);
-    if (kKept) {
-      near.e.x.Store(ex + k);
-      near.e.y.Store(ey + k);
-      near.e.z.Store(ez + k);
-    }
-    sum_x = sum_x + near.e.x;
-    sum_y = sum_y + near.e.y;
-    sum_z = sum_z + near.e.z;
-    if (kCohesive) {
-      const Lanes pull = attraction * near.q * near.s;
-      pull_x = MultiplyAdd(pull, near.away.x, pull_x);
-      pull_y = MultiplyAdd(pull, near.away.y, pull_y);
-      pull_z = MultiplyAdd(pull, near.away.z, pull_z);
-    }
+    AddPairs<kCohesive>(x, Gather(p.position, neighbors.index + k), inverse_radius, attraction, &all);
   }
   float pull[4], sums[4];
-  Sums(pull_x, pull_y, pull_z, density, pull);
-  Sums(sum_x, sum_y, sum_z, squares, sums);
+  Sums(all.pull.x, all.pull.y, all.pull.z, all.density, pull);
+  Sums(all.e.x, all.e.y, all.e.z, all.squares, sums);
   const float* wall = p.wall_gradient + 4 * i;
-  const float gx = sums[0] + wall[0], gy = sums[1] + wall[1], gz = sums[2] + wall[2];
-  const float excess = (pull[3] + p.wall_density[i]) / fluid.rest_density - 1.0f;
-  const float length = gx * gx + gy * gy + gz * gz + sums[3];
+  const Vec3<float> gradient = {sums[0] + wall[0], sums[1] + wall[1], sums[2] + wall[2]};
+  const float excess = Excess(fluid, pull[3] + p.wall_density[i]);
   OneLane([&] {
     if (excess > kCrowded) *p.crowded = true;
-    const float pressure = DivideOften0(Max(excess, 0.0f), length + 1e-6f);
+    const float pressure = PressureOf(excess, gradient, sums[3]);
     p.pressure[i] = pressure;
-    if (!kKept) Store4(p.packed + 4 * i, xi[0], xi[1], xi[2], pressure);
+    Store4(p.packed + 4 * i, xi[0], xi[1], xi[2], pressure);
     Store4(p.correction + 4 * i, pull[0], pull[1], pull[2], 0);
-    Store4(p.gradient + 4 * i, gx, gy, gz, 0);
+    Store4(p.gradient + 4 * i, gradient.x, gradient.y, gradient.z, 0);
   });
 }
 
-template <bool kKept>
 inline void AddCorrection(const FluidConstants& fluid, const Particles& p, const Neighbors& neighbors, int i) {
-  const float scale = fluid.relaxation * fluid.rest_density * fluid.radius / 3.0f;
   const Lanes inverse_radius(1.0f / fluid.radius);
-  const float *ex = neighbors.e, *ey = ex + neighbors.stride, *ez = ey + neighbors.stride;
   const float* xi = p.position + 4 * i;
   const Vec3<Lanes> from = {Lanes(xi[0]), Lanes(xi[1]), Lanes(xi[2])};
   Lanes x(0.0f), y(0.0f), z(0.0f);
   for (int k = neighbors.begin[i]; k < neighbors.end[i]; k += kLanes) {
     Lanes pressure;
-    Vec3<Lanes> e;
-    if (kKept) {
-      pressure = Pick(p.pressure, neighbors.index + k);
-      e = {Lanes::Load(ex + k), Lanes::Load(ey + k), Lanes::Load(ez + k)};
-    } else {
-      Vec3<Lanes> other;
-      Gather4(p.packed, neighbors.index + k, &other.x, &other.y, &other.z, &pressure);
-      e = FindNearness(from, other, inverse_radius).e;
-    }
+    Vec3<Lanes> other;
+    Gather4(p.packed, neighbors.index + k, &other.x, &other.y, &other.z, &pressure);
+    const Vec3<Lanes> e = FindNearness(from, other, inverse_radius).e;
     x = MultiplyAdd(pressure, e.x, x);
     y = MultiplyAdd(pressure, e.y, y);
     z = MultiplyAdd(pressure, e.z, z);
   }
-  const float own = p.pressure[i];
-  const float* gradient = p.gradient + 4 * i;
+  const float* g = p.gradient + 4 * i;
   float sums[4];
   Sums(x, y, z, sums);
-  const float dx = scale * (sums[0] + own * gradient[0]);
-  const float dy = scale * (sums[1] + own * gradient[1]);
-  const float dz = scale * (sums[2] + own * gradient[2]);
-  const float squared = dx * dx + dy * dy + dz * dz;
-  const float limit = fluid.correction;
-  const float clamp = squared > limit * limit ? limit / sqrtf(squared) : 1.0f;
+  const auto change = CorrectionOf<float>(fluid, {sums[0], sums[1], sums[2]}, p.pressure[i], {g[0], g[1], g[2]});
   OneLane([&] {
     float* correction = p.correction + 4 * i;
-    correction[0] += clamp * dx;
-    correction[1] += clamp * dy;
-    correction[2] += clamp * dz;
+    correction[0] += change.x;
+    correction[1] += change.y;
+    correction[2] += change.z;
   });
 }
 
