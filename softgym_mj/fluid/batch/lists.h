@@ -4,6 +4,7 @@
 #define SOFTGYM_MJ_FLUID_BATCH_LISTS_H_
 
 #include "fluid/batch/environment.h"
+#include "fluid/batch/ranges.h"
 #include "fluid/plugin/motion.h"
 #include "fluid/plugin/particles.h"
 #ifndef __CUDACC__
