@@ -40,7 +40,7 @@ def make_policy(name: str, env: Environment, seed: int = 0, *, trust: bool = Fal
     """
     if is_saved(name):
         return make_saved(name, env, seed, trust)
-    check_name("policy", name, SIMPLE)
+    check_name("policy", name, (*SIMPLE, "FILE.pt2", "MODULE:FUNCTION"))
     if name == "scripted":
         from softgym_mj.policies import experts
 

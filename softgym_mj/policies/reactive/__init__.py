@@ -11,7 +11,7 @@ import dm_env
 import numpy as np
 
 from softgym_mj.envs.environment import Environment
-from softgym_mj.exceptions import check_name
+from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.metrics import Array
 from softgym_mj.policies.reactive.cloth import fold_crumpled_cloth
 from softgym_mj.policies.reactive.drop import drop_fold_cloth
@@ -34,11 +34,14 @@ def policy(env: Environment) -> Callable[[dm_env.TimeStep], np.ndarray]:
     """Returns the reactive expert of an environment with the observations that it takes.
 
     Raises:
-        InvalidArgumentError: for a task without a reactive expert.
+        InvalidArgumentError: for a task without a reactive expert, or other observations.
     """
     check_name("task", env.name, LABELS)
     labels = LABELS[env.name]
     names = vars(labels)["observes"].split("+")
+    observed = [*env.observation_spec()]
+    if not {*names} <= {*observed}:
+        raise InvalidArgumentError("observation", observed, f"{names}, which the expert takes")
 
     def act(timestep: dm_env.TimeStep) -> np.ndarray:
         return labels(np.concatenate([timestep.observation[name] for name in names]))
