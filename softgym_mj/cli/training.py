@@ -44,7 +44,7 @@ def train(
     ],
     task: Task,
     preset: Annotated[
-        str, typer.Option(help="fast, paper, night (sac, on a CPU) or minutes (images).")
+        str, typer.Option(help="fast (not wu), paper, night (sac, on a CPU) or minutes (images).")
     ] = "fast",
     seeds: Annotated[int, typer.Option(help="Number of seeds, trained together.", min=1)] = 1,
     first_seed: Annotated[
@@ -79,7 +79,7 @@ def train(
         str,
         typer.Option(
             help="Settings of the training or the method as JSON, instead of the preset's: "
-            "'{\"env_steps\": 200000}'."
+            "'{\"env_steps\": 204800}'."
         ),
     ] = "{}",
     task_settings: TaskSettings = "{}",

@@ -198,7 +198,7 @@ def make(settings: DistillSettings, problem: Problem) -> Distill:
         StoreError: for a teacher's file that cannot be read.
     """
     if not settings.teacher:
-        valid = "a file of a policy: softgym-mj train distill TASK --teacher FILE.pt2 --trust"
+        valid = "--teacher FILE.pt2 or MODULE:FUNCTION, and --trust; teacher_student needs none"
         raise InvalidArgumentError("teacher", settings.teacher, valid)
     return Distill(settings, problem, _teacher(settings.teacher, problem.device))
 
