@@ -82,7 +82,7 @@ def bits() -> str:
         words = ["yes" if own[name] else "no" for name in kept]
         apart = f"{own['of_processor_largest_difference']:.1g}"
         rows.append(f"| `{task}` | {' | '.join(words)} | {apart} |")
-    titles = "same bits in another run | among other environments | largest difference from the CPU"
+    titles = "same in a second run | beside other environments | largest difference from the CPU"
     return table(f"| task | {titles} |", rows)
 
 

@@ -111,11 +111,13 @@ def overview() -> str:
         "\n\nNormalized performance on held-out variations: last checkpoint, median (quartiles) "
         "over five seeds unless the cell names another number, and the share of successful "
         "episodes ([terms](docs/glossary.md)). Proprioception includes whether each gripper "
-        "holds the material. *No action*: mean over the same 200 variations; above 0 where the "
-        "start lies above the lower bound (`straighten_rope`) or grippers release the cloth "
-        "(`drop_cloth`). Settings of `fold_cloth` and `drop_cloth` were chosen by held-out "
-        "scores, so theirs are optimistic. CEM plans with the true dynamics and learns nothing "
-        f"(ten episodes). Missing tasks and empty cells have no published run yet.{stale} [All "
+        "holds the material. Students (*distillation*) of `rope_configuration`, `drop_fold_cloth` "
+        "and `fold_shirt` imitate a hand-written expert, others seed 0 of a learned state policy "
+        "(so they can exceed its median). *No action*: mean over the same 200 variations; above 0 "
+        "where the start lies above the lower bound (`straighten_rope`) or grippers release the "
+        "cloth (`drop_cloth`, `drop_fold_cloth`). Settings of `fold_cloth` and `drop_cloth` were "
+        "chosen by held-out scores, so theirs are optimistic. CEM plans with the true dynamics "
+        f"and learns nothing (ten episodes). Empty cells have no published run of that budget.{stale} [All "
         "methods, observations, budgets, curves and policies](docs/results.md)."
     )
 
