@@ -117,8 +117,8 @@ def overview() -> str:
         "where the start lies above the lower bound (`straighten_rope`) or grippers release the "
         "cloth (`drop_cloth`, `drop_fold_cloth`). Settings of `fold_cloth` and `drop_cloth` were "
         "chosen by held-out scores, so theirs are optimistic. CEM plans with the true dynamics "
-        f"and learns nothing (ten episodes). Empty cells have no published run of that budget.{stale} [All "
-        "methods, observations, budgets, curves and policies](docs/results.md)."
+        "and learns nothing (ten episodes). Empty cells have no published run of that budget."
+        f"{stale} [All methods, observations, budgets, curves and policies](docs/results.md)."
     )
 
 
