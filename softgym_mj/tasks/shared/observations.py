@@ -106,7 +106,9 @@ STATES = {
         "commands of arms",
     ),
     "key_points": StateObservation(
-        key_points, "`reduced`, with 8 x 8 vertices of a cloth in place of its corners"
+        key_points,
+        "`reduced`, with 8 x 8 vertices of a rectangular cloth in place of its corners; the same "
+        "as `reduced` for others",
     ),
     "full_mask": StateObservation(
         full_mask, "uint8, 1 for each point of `full` that exists and 0 for padding"
