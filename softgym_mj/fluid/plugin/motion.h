@@ -26,11 +26,11 @@ namespace {
 // Sum of number(i) for 0 <= i < count.
 template <class T, class F>
 inline T SumInShares(int count, F number) {
-  T sum = 0;
+  T sum = {};
   for (int first = 0; first < count; first += kShare) {
-    T share = 0;
-    for (int i = first; i < first + kShare && i < count; ++i) share += number(i);
-    sum += share;
+    T share = {};
+    for (int i = first; i < first + kShare && i < count; ++i) share = share + number(i);
+    sum = sum + share;
   }
   return sum;
 }

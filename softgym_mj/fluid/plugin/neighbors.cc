@@ -25,17 +25,9 @@ struct Deviations {
 template <class F>
 Deviations FindDeviations(int count, F at) {
   Deviations out = {};
-  // Sums as in `SumInShares`, of all components at once.
-  float sum[3] = {};
-  for (int first = 0; first < count; first += kShare) {
-    float share[3] = {};
-    const int end = std::min(first + kShare, count);
-    for (int i = first; i < end; ++i) {
-      for (int k = 0; k < 3; ++k) share[k] += at(i, k);
-    }
-    for (int k = 0; k < 3; ++k) sum[k] += share[k];
-  }
-  for (int k = 0; k < 3; ++k) out.mean[k] = sum[k] / static_cast<float>(count);
+  const auto sum = SumInShares<Vec3<float>>(count, [&](int i) { return Vec3<float>{at(i, 0), at(i, 1), at(i, 2)}; });
+  const float number = static_cast<float>(count), sums[3] = {sum.x, sum.y, sum.z};
+  for (int k = 0; k < 3; ++k) out.mean[k] = sums[k] / number;
   for (int i = 0; i < count; ++i) {
     const float squared = SquaredDeviation([&](int k) { return at(i, k); }, out.mean);
     if (squared > out.second) {

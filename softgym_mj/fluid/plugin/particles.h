@@ -83,7 +83,7 @@ inline Vec3<Lanes> AddPairs(const Vec3<Lanes>& x, const Vec3<Lanes>& other, Lane
   const Nearness near = FindNearness(x, other, inverse_radius);
   sums->density = MultiplyAdd(near.s2, near.s, sums->density);
   sums->squares = MultiplyAdd(near.s2, near.s2, sums->squares);
-  sums->e = {sums->e.x + near.e.x, sums->e.y + near.e.y, sums->e.z + near.e.z};
+  sums->e = sums->e + near.e;
   if (kCohesive) {
     const Lanes pull = attraction * near.q * near.s;
     sums->pull = {MultiplyAdd(pull, near.away.x, sums->pull.x), MultiplyAdd(pull, near.away.y, sums->pull.y),

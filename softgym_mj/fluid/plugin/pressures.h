@@ -22,8 +22,8 @@ inline void StoreEight(float* p, int i, const Vec3<Lanes>& a, Lanes fourth) {
   Scatter4(p + 4L * i, kInOrder, a.x, a.y, a.z, fourth);
 }
 
-// Writes e_ij of all pairs, sums of e_ij and of their squares into `gradient`, displacements by cohesion into
-// `correction`, and kernel sums into `pressure`.
+// Writes e_ij of all pairs, their sums and those of their squares into `gradient`, and displacements by cohesion and
+// kernel sums into `correction`.
 template <bool kCohesive>
 void SumPairs(const FluidConstants& fluid, const Particles& p, const Neighbors& neighbors) {
   const Lanes attraction(Attraction(fluid)), inverse_radius(1.0f / fluid.radius), zero(0.0f);
@@ -57,7 +57,7 @@ void FindPressure(const FluidConstants& constants, const Particles& particles, c
     Lanes squares, density, rest;
     const Vec3<Lanes> own = LoadEight(p.gradient, i, &squares), wall = LoadEight(p.wall_gradient, i, &rest);
     const Vec3<Lanes> pull = LoadEight(p.correction, i, &density);
-    const Vec3<Lanes> gradient = {own.x + wall.x, own.y + wall.y, own.z + wall.z};
+    const Vec3<Lanes> gradient = own + wall;
     const Lanes excess = Excess(fluid, density + Lanes::Load(p.wall_density + i));
     if (Bits(Less(Lanes(kCrowded), excess)) & FirstBits(p.count - i)) *p.crowded = true;
     PressureOf(excess, gradient, squares).Store(p.pressure + i);
