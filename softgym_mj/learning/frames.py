@@ -3,28 +3,20 @@
 Images are sampled as stacks of successive frames of an episode.
 """
 
-import logging
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import torch
 from torch import Tensor
 
-from softgym_mj.learning.networks import drawn, generators, lines, where, whole_numbers
-from softgym_mj.learning.replay import NEWEST_IMAGES
+from softgym_mj.learning.networks import drawn, lines, where, whole_numbers
+from softgym_mj.learning.ring import NEWEST_IMAGES, Ring
 
-_log = logging.getLogger(__name__)
+_AGE = "_age"  # Array of env steps since the start of the episode.
 
 
-class Frames:
-    """Ring buffer of vector steps: arrays (capacity, seeds, num_envs, ...) by name.
-
-    `sample` does not synchronize with the device, so it can be part of a CUDA graph.
-
-    Attributes:
-        sources: Random generators of samples, one per seed.
-    """
+class Frames(Ring):
+    """Ring buffer of observations, which are sampled with earlier frames of their episode."""
 
     def __init__(
         self,
@@ -49,20 +41,11 @@ class Frames:
             shift: Largest random shift of a stack in each direction [pixels]; edges are repeated.
             device: PyTorch device.
         """
-        self._frames, self._shift, self._num_envs = frames, shift, num_envs
-        self._capacity, self._size, self._next = max(capacity, frames), 0, 0
-        self._is_cut = False  # Whether a restored state lacks steps before the oldest.
-        lead = self._capacity, len(seeds), num_envs
-        self._arrays = {
-            name: torch.zeros(*lead, *shape, dtype=_kind(name, shape), device=device)
-            for name, shape in shapes.items()
-        }
+        self._frames, self._shift = frames, shift
         self._images = {name for name, shape in shapes.items() if len(shape) > 1}
-        # Env steps since the start of the episode.
-        self._age = torch.zeros(lead, dtype=torch.int64, device=device)
-        # Number of stored vector steps, index of the oldest, number that lack earlier frames.
-        self._extent = torch.zeros(3, dtype=torch.int64, device=device)
-        self.sources = generators(seeds, device)
+        entries = {name: (shape, _kind(name, shape)) for name, shape in shapes.items()}
+        entries[_AGE] = (), torch.int64
+        super().__init__(max(capacity, frames), seeds, num_envs, entries, device)
 
     def add(self, values: Mapping[str, Tensor], first: Tensor) -> None:
         """Adds a vector step.
@@ -71,19 +54,8 @@ class Frames:
             values: Arrays (seeds, num_envs, ...) by name.
             first: Whether each is the first of an episode (seeds, num_envs).
         """
-        for name, array in self._arrays.items():
-            array[self._next] = values[name]
-        self._age[self._next] = (self._age[self._next - 1] + 1).masked_fill(first, 0)
-        self._next = (self._next + 1) % self._capacity
-        self._size = min(self._size + 1, self._capacity)
-        self._note()
-
-    def _note(self) -> None:
-        is_full = self._size == self._capacity
-        oldest = self._next if is_full else 0
-        lacking = self._frames - 1 if is_full or self._is_cut else 0
-        for k, number in enumerate((self._size, oldest, lacking)):
-            self._extent[k].fill_(number)
+        age = (self.arrays[_AGE][self._next - 1] + 1).masked_fill(first, 0)
+        self._append({**values, _AGE: age})
 
     def sample(self, k: int, number: int) -> dict[str, Tensor]:
         """Samples entries of the k-th seed uniformly.
@@ -91,18 +63,20 @@ class Frames:
         Returns:
             Arrays (number, ...) by name; images are (number, frames, ...), the oldest first.
         """
-        size, oldest, lacking = self._extent
+        size, oldest, is_later = self._extent
+        lacking = (self._frames - 1) * is_later  # Steps of which earlier frames are missing.
         shares = drawn(self.sources[k : k + 1], 4, number, normal=False)[0]
         at = (oldest + lacking + whole_numbers(shares[0], size - lacking)) % self._capacity
         env_index = whole_numbers(shares[1], self._num_envs)
         back = torch.arange(self._frames - 1, -1, -1, device=at.device)
-        age = self._age[at, k, env_index, None]
+        age = self.arrays[_AGE][at, k, env_index, None]
         past = (at[:, None] - torch.minimum(back, age)) % self._capacity
         return {
             name: self._moved(array[:, k], past, env_index[:, None], shares[2:])
             if name in self._images
             else array[at, k, env_index]
-            for name, array in self._arrays.items()
+            for name, array in self.arrays.items()
+            if name != _AGE
         }
 
     def _moved(self, array: Tensor, at: Tensor, env_index: Tensor, shares: Tensor) -> Tensor:
@@ -119,33 +93,9 @@ class Frames:
         lead = at[..., None, None, None], env_index[..., None, None, None]
         return array[*lead, cameras, rows[:, None], columns[:, None]]
 
-    def get_state(self) -> dict[str, Any]:
-        """Returns the state for `set_state`.
-
-        It has the images of the newest `NEWEST_IMAGES` env steps of all seeds together, as all may
-        be tens of gigabytes; with fewer images the continuation is exact.
-        """
-        number = min(self._size, max(NEWEST_IMAGES // math.prod(self._age.shape[1:]), self._frames))
-        newest = (torch.arange(number) + self._next - number) % self._capacity
-        arrays = {**self._arrays, "_age": self._age}
-        return {
-            "arrays": {name: array[newest.to(array.device)] for name, array in arrays.items()},
-            "whole": self._size,
-            "is_cut": self._is_cut or number < self._size,
-            "random": [source.get_state() for source in self.sources],
-        }
-
-    def set_state(self, state: Mapping[str, Any]) -> None:
-        """Restores a state of `get_state`."""
-        self._size, self._is_cut = len(state["arrays"]["_age"]), state["is_cut"]
-        self._next = self._size % self._capacity
-        if self._size < state["whole"]:
-            _log.info("Continues with the newest %d of %d steps", self._size, state["whole"])
-        for name, array in {**self._arrays, "_age": self._age}.items():
-            array[: self._size] = state["arrays"][name]
-        for source, saved in zip(self.sources, state["random"], strict=True):
-            source.set_state(saved)
-        self._note()
+    def _num_stored(self) -> int:
+        newest = NEWEST_IMAGES // math.prod(self.arrays[_AGE].shape[1:])
+        return min(self.size, max(newest, self._frames))
 
 
 def pictured(array: Tensor, lead: int = 0) -> Tensor:

@@ -1,9 +1,7 @@
 """`Replay`: a replay buffer of several seeds, and its batches."""
 
 import dataclasses
-import logging
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor
@@ -11,12 +9,9 @@ from torch import Tensor
 from softgym_mj.exceptions import check_count
 from softgym_mj.learning.forms import signed_orders
 from softgym_mj.learning.learner import Step
-from softgym_mj.learning.networks import drawn, generators, whole_numbers
+from softgym_mj.learning.networks import drawn, whole_numbers
+from softgym_mj.learning.ring import NEWEST_IMAGES, Ring
 from softgym_mj.learning.symmetries import Symmetry
-
-# Newest env steps of each seed whose images are in a state; all images are tens of gigabytes.
-NEWEST_IMAGES = 20_000
-_log = logging.getLogger(__name__)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,14 +31,10 @@ class Batch:
     discount: Tensor
 
 
-class Replay:
-    """Replay buffer of the newest vector steps: arrays (steps, seeds, num_envs, ...).
-
-    Each seed has environments of its own. `sample` does not synchronize with the device, so it can
-    be part of a CUDA graph.
+class Replay(Ring):
+    """Replay buffer of the newest vector steps.
 
     Attributes:
-        size: Number of vector steps.
         discount: Discount per env step: a tensor on the device, which may change.
     """
 
@@ -74,50 +65,31 @@ class Replay:
             device: PyTorch device.
         """
         self._steps = check_count("steps", steps, 1, capacity)
-        self._capacity, self.size, self._next = capacity, 0, 0
         self.discount = torch.full((), discount, device=device)
-        self._seeds, self._num_envs = len(seeds), num_envs
-        self._sources = generators(seeds, device)
-        lead = capacity, len(seeds), num_envs
         kind = torch.uint8 if len(observation) == 3 else torch.float32
-        self.arrays = {
-            "observation": torch.zeros(*lead, *observation, dtype=kind, device=device),
-            "action": torch.zeros(*lead, action, device=device),
-            "reward": torch.zeros(lead, device=device),
-            "next_observation": torch.zeros(*lead, *observation, dtype=kind, device=device),
-            "terminated": torch.zeros(lead, dtype=torch.bool, device=device),
-            "ended": torch.zeros(lead, dtype=torch.bool, device=device),
+        entries = {
+            "observation": (observation, kind),
+            "action": ((action,), torch.float32),
+            "reward": ((), torch.float32),
+            "next_observation": (observation, kind),
+            "terminated": ((), torch.bool),
+            "ended": ((), torch.bool),
         }
-        # Number of vector steps and index of the oldest, which `sample` reads on the device.
-        self._extent = torch.zeros(2, dtype=torch.int64, device=device)
+        super().__init__(capacity, seeds, num_envs, entries, device)
         self._symmetries = signed_orders(symmetries, device) if symmetries else None
-
-    @property
-    def sources(self) -> list[torch.Generator]:
-        """Random generators of samples, one per seed."""
-        return self._sources
 
     def add(self, step: Step) -> None:
         """Adds a vector step."""
-        for name, array in self.arrays.items():
-            array[self._next] = getattr(step, name).reshape(array.shape[1:]).to(array.dtype)
-        self._next = (self._next + 1) % self._capacity
-        self.size = min(self.size + 1, self._capacity)
-        self._note()
-
-    def _note(self) -> None:
-        """Copies the number of vector steps to the device."""
-        self._extent[0].fill_(self.size)
-        self._extent[1].fill_(self._next if self.size == self._capacity else 0)
+        self._append(step._asdict())
 
     def sample(self, number: int) -> Batch:
         """Samples `number` steps of each seed uniformly.
 
         The buffer must have at least as many vector steps as n-step returns.
         """
-        size, oldest = self._extent
+        size, oldest, _ = self._extent
         # The samples of a seed do not depend on the other seeds.
-        shares = drawn(self._sources, 3, number, normal=False)
+        shares = drawn(self.sources, 3, number, normal=False)
         first = whole_numbers(shares[:, 0], size - (self._steps - 1))
         batch = self._added_up(
             (oldest + first) % self._capacity, whole_numbers(shares[:, 1], self._num_envs)
@@ -134,17 +106,17 @@ class Replay:
         A sequence may cross the end of an episode, where `ended` is true. The buffer must have at
         least `length` vector steps.
         """
-        size, oldest = self._extent
-        shares = drawn(self._sources, 2, number, normal=False)
+        size, oldest, _ = self._extent
+        shares = drawn(self.sources, 2, number, normal=False)
         first = (oldest + whole_numbers(shares[:, 0], size - (length - 1)))[..., None]
-        seed = torch.arange(self._seeds, device=first.device)[:, None, None]
+        seed = torch.arange(len(self.sources), device=first.device)[:, None, None]
         at = (first + torch.arange(length, device=first.device)) % self._capacity
         env_index = whole_numbers(shares[:, 1], self._num_envs)[..., None]
         return Step(*(self.arrays[name][at, seed, env_index] for name in Step._fields))
 
     def _added_up(self, first: Tensor, env_index: Tensor) -> Batch:
         """Returns the batch that starts at these vector steps and environments (seeds, number)."""
-        seed = torch.arange(self._seeds, device=first.device)[:, None]
+        seed = torch.arange(len(self.sources), device=first.device)[:, None]
         arrays = self.arrays
         observation = arrays["observation"][first, seed, env_index]
         action = arrays["action"][first, seed, env_index]
@@ -164,34 +136,10 @@ class Replay:
         following = arrays["next_observation"][last, seed, env_index]
         return Batch(observation, action, reward, following, discount)
 
-    # ------------------------------------------------------------------ state
-
-    def get_state(self) -> dict[str, Any]:
-        """Returns the state from which `set_state` continues, with the newest images only."""
-        number, following, which = self.size, self._next, slice(0, self.size)
-        if self.arrays["observation"].dtype == torch.uint8:
-            number = min(self.size, -(-NEWEST_IMAGES // self._num_envs))
-        if number < self.size:
-            which = (torch.arange(number) + self._next - number) % self._capacity
-            following = number % self._capacity
-        return {
-            "arrays": {name: array[which].clone() for name, array in self.arrays.items()},
-            "size": number,
-            "whole": self.size,
-            "next": following,
-            "random": [source.get_state() for source in self._sources],
-        }
-
-    def set_state(self, state: Mapping[str, Any]) -> None:
-        """Restores a state of `get_state`."""
-        self.size, self._next = state["size"], state["next"]
-        if self.size < state["whole"]:
-            _log.info("Continues with the newest %d of %d steps", self.size, state["whole"])
-        for name, array in state["arrays"].items():
-            self.arrays[name][: self.size] = array
-        for source, saved in zip(self._sources, state["random"], strict=True):
-            source.set_state(saved)
-        self._note()
+    def _num_stored(self) -> int:
+        if self.arrays["observation"].dtype != torch.uint8:
+            return self.size
+        return min(self.size, -(-NEWEST_IMAGES // self._num_envs))
 
 
 def _shown(
