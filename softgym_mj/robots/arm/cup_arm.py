@@ -11,7 +11,7 @@ from softgym_mj.native.arithmetic import product
 from softgym_mj.robots.arm import bodies as arm_bodies
 from softgym_mj.robots.arm.actor import ArmActor
 from softgym_mj.robots.arm.cartesian import LEAD
-from softgym_mj.robots.arm.command_filter import CommandFilter
+from softgym_mj.robots.arm.command_filter import CommandFilter, clipped
 from softgym_mj.robots.arm.joint_servos import JointServos
 from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.arm.mounts import Mount
@@ -28,14 +28,6 @@ def turned(theta: float) -> np.ndarray:
     """Returns a rotation matrix (3, 3) about +Y by an angle [rad]."""
     cosine, sine = math.cos(theta), math.sin(theta)
     return np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
-
-
-def clipped(points: np.ndarray, centers: np.ndarray, radius: float) -> np.ndarray:
-    """Returns points (n, 3), each entry clipped to within `radius` of that of `centers` (n, 3).
-
-    Entries are clipped separately, so that a lag along X causes no lift or rotation.
-    """
-    return np.clip(points, centers - radius, centers + radius)
 
 
 # Axes of the tool that holds an upright cup, as columns: it points along -Y and closes along X.
@@ -75,6 +67,7 @@ class CupArm(ArmActor, CupMover):
         arm_bodies.add_arms(self._mjcf_root, arm, [self.mount], visual=visual)
         home = np.array(arm.home_cup)
         self.servos = JointServos(arm, [self.mount], home, orientation_cost=ORIENTATION_COST)
+        # Entries are clipped separately, so that a lag along X causes no lift or rotation.
         self._filtered_command = CommandFilter(1, clipped)
         (name,) = arm_bodies.names(arm, 1)
         tcp = self._mjcf_root.find("site", f"{name}/{arm.tcp_site}")

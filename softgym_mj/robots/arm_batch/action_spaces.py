@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 
 from softgym_mj.robots.arm import cartesian
+from softgym_mj.robots.arm.command_filter import Filter
 from softgym_mj.robots.arm.joint_action import FASTEST_AS, JointAction
 from softgym_mj.robots.arm.joint_servos import SOLVE_EVERY
 from softgym_mj.robots.arm.models import Arm
@@ -82,7 +83,7 @@ class PoseActionSpace(PositionActionSpace):
         commanded = _turned(state, turns.commanded)
         state = state._replace(oriented=_turned(state, turns.points))
         zero = jnp.zeros_like(turns.points)
-        return state._replace(turns=commands.Filter(_about(state, commanded), zero, turns.step))
+        return state._replace(turns=Filter(_about(state, commanded), zero, turns.step))
 
     def solve(self, state: ArmState) -> Reference:
         assert state.turns is not None

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from softgym_mj.entities.cup import GRIP
+from softgym_mj.robots.arm.command_filter import clipped
 from softgym_mj.robots.arm.cup_arm import ORIENTATION_COST, TURNS_AS, UPRIGHT, CupArm
 from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.arm.mounts import Mount
@@ -146,7 +147,7 @@ class CupActionSpace(ActionSpace):
 
     def advance(self, state: ArmState, entries: jax.Array) -> ArmState:
         reference = TURNS_AS * self._reference(state.reference)
-        filtered = commands.advance(state.filter, TURNS_AS * entries, reference, _clipped)
+        filtered = commands.advance(state.filter, TURNS_AS * entries, reference, clipped)
         return state._replace(filter=filtered)
 
     def solve(self, state: ArmState) -> Reference:
@@ -170,10 +171,6 @@ class CupActionSpace(ActionSpace):
         theta = jnp.arctan2(turn[0, 2], turn[0, 0])
         x, _, z = point - chains.apply(turned(theta), np.array(GRIP))
         return jnp.stack([x, z, theta])[None]
-
-
-def _clipped(points: jax.Array, centers: jax.Array, radius: float) -> jax.Array:
-    return jnp.clip(points, centers - radius, centers + radius)
 
 
 class CupArms(ControlledArms):

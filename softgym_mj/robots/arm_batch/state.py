@@ -9,8 +9,8 @@ import numpy as np
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.robots.arm.actor import ArmActor
 from softgym_mj.robots.arm.arms import Arms
+from softgym_mj.robots.arm.command_filter import Filter
 from softgym_mj.robots.arm.joint_servos import SOLVE_EVERY, JointServos
-from softgym_mj.robots.arm_batch import commands
 
 _TURNS = "turn_"  # Prefix of the names of arrays of `ArmState.turns`.
 
@@ -39,12 +39,12 @@ class ArmState(NamedTuple):
     rates: jax.Array
     start: jax.Array
     goal: jax.Array
-    filter: commands.Filter
+    filter: Filter
     fingers: jax.Array
     reference_points: jax.Array
     failures: jax.Array
     limits: jax.Array | None = None
-    turns: commands.Filter | None = None
+    turns: Filter | None = None
     oriented: jax.Array | None = None
 
 
@@ -65,7 +65,7 @@ def read_state(arms: ArmActor) -> dict[str, np.ndarray]:
         return np.concatenate([values[own].reshape(number, -1), values[hands]], axis=1)
 
     def filtered(name, prefix):
-        names = (prefix + field for field in commands.Filter._fields)
+        names = (prefix + field for field in Filter._fields)
         return dict(zip(names, state[name], strict=True)) if name in state else {}
 
     return {
@@ -111,9 +111,9 @@ def packed(arrays: Mapping[str, Any]) -> ArmState:
     """Returns the state from its arrays by name, as in `read_state`; others are ignored."""
     own, fields = {name: arrays[name] for name in ArmState._fields if name in arrays}, {}
     for name, prefix in (("filter", ""), ("turns", _TURNS)):
-        names = [prefix + field for field in commands.Filter._fields]
+        names = [prefix + field for field in Filter._fields]
         if names[0] in arrays:
-            fields[name] = commands.Filter(*(arrays[each] for each in names))
+            fields[name] = Filter(*(arrays[each] for each in names))
     return ArmState(**fields, **own)
 
 
