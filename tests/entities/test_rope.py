@@ -46,24 +46,6 @@ def test_reward_table(env, distance, normalized):
     assert env.info()["end_point_distance"] == pytest.approx(distance)
 
 
-def test_pulled_at_both_ends_it_hardly_stretches(env):
-    env.reset(800)
-    rope = env.task.rope
-    rope.set_points(rope.straight())
-    first, last = rope.ends
-    rope.hold(first), rope.hold(last)
-    goals = rope.points()[[first, last]]
-    model, data = env.physics.model.ptr, env.physics.data.ptr
-    for _ in range(100):  # Lifted by both ends at 0.4 m/s without slack: it sags a little.
-        goals[:, 2] += 0.002
-        for vertex, goal in zip((first, last), goals, strict=True):
-            rope.drive(vertex, goal, model.opt.timestep)
-        mujoco.mj_step(model, data)
-    assert rope.points()[20, 2] > 0.1
-    assert np.abs(rope.edge_strain()).max() < 0.05
-    rope.release_all()
-
-
 def test_shipped_states_rest_on_the_floor_at_full_length():
     store = softgym_mj.TASKS["straighten_rope"].build().store
     states = np.array([store.load(i) for i in range(NUM_VARIATIONS)])
