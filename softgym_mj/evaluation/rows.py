@@ -15,6 +15,7 @@ from softgym_mj.exceptions import InvalidArgumentError, SimulationError
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.policies.saved import SUFFIX
 from softgym_mj.registry import find
+from softgym_mj.tasks.shared.observations import names_of
 from softgym_mj.vector.base import VectorEnv
 from softgym_mj.vector.batch.backend import BatchBackend
 from softgym_mj.vector.make import make_device
@@ -66,7 +67,7 @@ def play_rows(
 
     def act(seen: Any, first: np.ndarray) -> np.ndarray:
         on_step(next(steps))
-        rows, actions = _rows(seen, example.observation_space), []
+        rows, actions = _rows(seen, example.observation_space, arguments["observation"]), []
         for i, choose in enumerate(policies):
             kind = dm_env.StepType.FIRST if first[i] else dm_env.StepType.MID
             own = {name: array[i] for name, array in rows.items()}
@@ -92,7 +93,9 @@ def play_rows(
     ]
 
 
-def _rows(seen: Any, space: spaces.Space) -> dict[str, np.ndarray]:
+def _rows(
+    seen: Any, space: spaces.Space, observation: str | Sequence[str]
+) -> dict[str, np.ndarray]:
     """Returns observations by name, as arrays of NumPy."""
-    named = seen if isinstance(space, spaces.Dict) else {"observation": seen}
+    named = seen if isinstance(space, spaces.Dict) else {names_of(observation)[0]: seen}
     return {name: to_host(array) for name, array in named.items()}

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 
+import gymnasium
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -17,6 +18,7 @@ from softgym_mj.cli import commands
 from softgym_mj.evaluation import Configuration, Planning, evaluate, running
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.parallel.executors import ProcessExecutor, RayExecutor
+from softgym_mj.policies.exported import export_policy
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.vector.batch.backend import BatchBackend
 from tests.command import output_of
@@ -232,13 +234,19 @@ def test_episodes_side_by_side_are_those_of_one_after_the_other(tmp_path, policy
     assert evaluate(configuration, tmp_path / "host", device="cpu") == output[1]  # It is all there.
 
 
-def test_saved_policies_act_side_by_side(tmp_path):
+@pytest.mark.parametrize("names_its_observation", [False, True])
+def test_saved_policies_act_side_by_side(tmp_path, names_its_observation):
     import torch  # Here: the other tests start processes that import this module.
 
     torch.manual_seed(0)
     module = torch.nn.Sequential(torch.nn.Linear(36, 8), torch.nn.Tanh())
     file = tmp_path / "policy.pt2"
-    torch.export.save(torch.export.export(module, (torch.zeros(1, 36),)), file)
+    if names_its_observation:  # As the files of `softgym-mj train` do.
+        space = gymnasium.spaces.Box(-np.inf, np.inf, (36,), np.float32)
+        observed = {"observation": "reduced"}
+        file.write_bytes(export_policy(module, {"reduced": space}, observed))
+    else:
+        torch.export.save(torch.export.export(module, (torch.zeros(1, 36),)), file)
     configuration = dataclasses.replace(SIMPLE, policy=str(file), seeds=(0,))
     output = [
         evaluate(configuration, tmp_path / name, device=name, trust=True)
