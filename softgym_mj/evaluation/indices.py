@@ -13,7 +13,8 @@ def parsed(argument: str, text: str) -> tuple[int, ...]:
     """Parses indices of variations, such as "800,803,810-819"; a range includes its end.
 
     Raises:
-        InvalidArgumentError: naming `argument`, for invalid text or an index above 999.
+        InvalidArgumentError: naming `argument`, for invalid text, an index above 999 or a range
+            that falls.
     """
     result: list[int] = []
     for part in text.split(","):
@@ -23,6 +24,9 @@ def parsed(argument: str, text: str) -> tuple[int, ...]:
         first, last = (int(end or match[1]) for end in match.groups())
         if max(first, last) >= NUM_VARIATIONS:
             raise InvalidArgumentError(argument, text, f"indices in 0..{NUM_VARIATIONS - 1}")
+        if first > last:
+            valid = "ranges from the smaller to the larger index, such as 810-819"
+            raise InvalidArgumentError(argument, text, valid)
         result += range(first, last + 1)
     return tuple(result)
 

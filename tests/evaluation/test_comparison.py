@@ -144,6 +144,6 @@ def test_indices_as_text():
     for text, indices in (("800,803,810-812", (800, 803, 810, 811, 812)), ("0-1", (0, 1))):
         assert parsed("variations", text) == indices
         assert as_text(reversed(indices)) == text
-    for text in ("", "3-x", "3,,4", "-3", "1-2-3"):
+    for text in ("", "3-x", "3,,4", "-3", "1-2-3", "900-800", "3,5-4"):
         with pytest.raises(InvalidArgumentError, match=r"variations=.*810-819"):
             parsed("variations", text)
