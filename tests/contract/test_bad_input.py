@@ -42,9 +42,9 @@ def make(identifier: str, **settings) -> gymnasium.Env:
 BAD_SETTINGS = [
     (ROPE, {"actor": "hand"}, "actor='hand'", "'picker'"),
     (ROPE, {"observation": "pixels"}, "observation='pixels'", "'full'", "'reduced'", "'rgb'"),
-    (ROPE, {"observation": ("full", "x")}, "observation=('full', 'x')", "'reduced'"),
-    (ROPE, {"observation": ["full", "full"]}, "observation=['full', 'full']", "'rgb'"),
-    (ROPE, {"observation": []}, "observation=[]", "'full'", "'reduced'", "'rgb'"),
+    (ROPE, {"observation": ("full", "x")}, "observation='x' is unknown", "'reduced'"),
+    (ROPE, {"observation": ["full", "full"]}, "observation=['full', 'full']", "different", "'rgb'"),
+    (ROPE, {"observation": []}, "observation=[]", "one or more", "'full'", "'reduced'", "'rgb'"),
     (ROPE, {"observation": None}, "observation=None"),
     (ROPE, {"fidelity": "ultra"}, "fidelity='ultra'", "'fast'", "'default'", "'accurate'"),
     (CLOTH, {"fidelity": "ultra"}, "fidelity='ultra'", "'fast'", "'default'", "'accurate'"),

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from array_api_compat import device
 from dm_control.composer.observation import observable
 
-from softgym_mj.exceptions import InvalidArgumentError, check_image_size
+from softgym_mj.exceptions import InvalidArgumentError, check_image_size, check_name
 from softgym_mj.metrics import Array, namespace
 from softgym_mj.rendering.observables import (
     EXTERNAL_RGB,
@@ -169,8 +169,11 @@ def enabled_names(observation: str | Sequence[str], available: Iterable[str]) ->
     names = names_of(observation)
     for name in sorted(_NEEDS.keys() & {*names} - {*available}):
         raise InvalidArgumentError(f"observation={observation!r}: {name!r} needs {_NEEDS[name]}")
-    if not names or len(set(names)) != len(names) or not set(names) <= set(available):
-        raise InvalidArgumentError("observation", observation, available)
+    for name in names:
+        check_name("observation", name, available)
+    if not names or len(set(names)) != len(names):
+        valid = f"one or more different names of {', '.join(map(repr, available))}"
+        raise InvalidArgumentError("observation", observation, valid)
     return names
 
 
