@@ -25,14 +25,19 @@ def checked_options(options: object) -> dict[Any, Any]:
     return dict(options)
 
 
-def check_known(seed: object, options: Mapping[str, Any]) -> None:
+def check_known(seed: object, options: Mapping[str, Any], others: Sequence[str] = ()) -> None:
     """Raises unless a reset can have these options.
+
+    Args:
+        seed: Seed of the reset.
+        options: Options of the reset.
+        others: Further names that are valid.
 
     Raises:
         InvalidArgumentError: for an unknown option; for a seed or a variation with a state.
     """
     for key in options:
-        check_name("options key", key, ("variation", "state"))
+        check_name("options key", key, ("variation", "state", *others))
     if "state" in options:
         for name, value in (("seed", seed), ("variation", options.get("variation"))):
             if value is not None:

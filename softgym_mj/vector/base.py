@@ -79,11 +79,11 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             InvalidArgumentError, SnapshotError: If seeds or options are invalid.
         """
         options = checked_options(options)
+        check_known(seed, options, ("reset_mask", "stagger"))
         mask = _checked_mask(options.pop("reset_mask", None), self.num_envs)
         stagger = options.pop("stagger", False)
         check_type("stagger", stagger, bool | int)
         parts = self.num_envs if stagger is True else check_count("stagger", int(stagger), 0)
-        check_known(seed, options)
         if "state" in options:
             states = _states_of_each(options["state"], self.num_envs)
             return self._run(self._restore, mask, states)

@@ -401,7 +401,7 @@ def test_before_the_first_reset():
     [
         ({"options": 5}, ("options=5", "dict")),
         ({"options": [1]}, ("options=[1]", "dict")),
-        ({"options": {"x": 1}}, ("options key='x'", "'variation'")),
+        ({"options": {"x": 1}}, ("options key='x'", "'variation', 'state'")),
         ({"seed": -1}, ("seed=-1", "0 or more")),
         ({"seed": 1.5}, ("seed=1.5", "0 or more")),
     ],
@@ -413,6 +413,8 @@ def test_bad_reset(arguments, words, many):
     with pytest.raises(exceptions.InvalidArgumentError) as error:
         made.reset(**arguments)
     assert_says(error, *words)
+    if many and "options key" in words[0]:
+        assert_says(error, "'reset_mask', 'stagger'")
     made.close()
 
 
