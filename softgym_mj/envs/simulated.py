@@ -35,6 +35,11 @@ class SimulatedEnvironment(composer.Environment):
         views = (view for found in seen for view in getattr(found, "views", ()))
         return {view.camera: view.calibration(self._physics) for view in views}
 
+    def close(self) -> None:
+        """Frees the simulation; does nothing after the first call."""
+        if self._physics is not None:
+            super().close()
+
     def _check_open(self) -> None:
         if self._physics is None:
             raise LifecycleError("this environment was closed: make a new one")

@@ -462,6 +462,7 @@ def test_use_after_close():
     ):
         with pytest.raises(exceptions.LifecycleError, match="closed: make a new one"):
             use()
+    env.close()
 
 
 @pytest.mark.parametrize("device", ["cpu", "host"])
