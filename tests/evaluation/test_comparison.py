@@ -10,7 +10,6 @@ from softgym_mj.evaluation.indices import as_text, parsed
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.storage.files import write_csv, write_json
 from tests.command import output_of
-from tests.storage.test_files import ODD, odd
 
 
 def written(folder, **changes):
@@ -104,13 +103,6 @@ def test_what_is_not_the_result_that_it_says(changes, tmp_path, three):
     write_json(tmp_path / "result.json", changed)
     with pytest.raises(StoreError, match=r"result\.json is "):
         comparison.read_results([tmp_path])
-
-
-@pytest.mark.parametrize("kind", ODD)
-def test_what_is_no_file(kind, tmp_path):
-    path = odd(kind, tmp_path / "name")
-    with pytest.raises(StoreError, match="cannot be read: "):
-        comparison.read_results([path])
 
 
 def test_figures_are_drawn_from_results(tmp_path, three):

@@ -13,7 +13,6 @@ from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.policies.exported import NOTE, observes
 from softgym_mj.policies.factory import depends_on_seed, make_policy
 from softgym_mj.policies.saved import sha256
-from tests.storage.test_files import ODD, odd
 
 SHORT = {"horizon": 6}
 ROPE = 36  # Numbers of the rope's reduced state.
@@ -161,16 +160,6 @@ def test_what_is_no_policy(name, message, env, tmp_path, monkeypatch):
     pathlib.Path("text.pt2").write_text("hello")
     with pytest.raises(InvalidArgumentError, match=message):
         make_policy(name, env)
-
-
-@pytest.mark.parametrize("kind", ODD)
-def test_what_is_no_file(kind, env, tmp_path):
-    name = str(odd(kind, tmp_path / "policy.pt2"))
-    name += "" if name.endswith(".pt2") else ".pt2"
-    with pytest.raises(StoreError, match="cannot be read: "):
-        make_policy(name, env, trust=True)
-    with pytest.raises(StoreError, match="cannot be read: "):
-        sha256(name, 0)
 
 
 def _noted(folder, observation):
