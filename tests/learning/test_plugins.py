@@ -7,7 +7,6 @@ import re
 import shlex
 
 import pytest
-import torch
 
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.learner import Problem
@@ -36,64 +35,18 @@ PRESETS = {
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
-    """Settings of a learner that does not learn."""
+    """Settings of a method."""
 
     push: float = 0.5
     hidden: tuple[int, ...] = (8,)
 
 
-class _Same(torch.nn.Module):
-    def __init__(self, push, size):
-        super().__init__()
-        self.action = torch.nn.Parameter(torch.full((size,), push))
-
-    def forward(self, observation):
-        return self.action.expand(observation.shape[0], -1) + 0.0 * observation[:, :1]
-
-
-class Learner:
-    """Does the same in every env step."""
-
-    def __init__(self, settings, problem):
-        self.settings, self.problem, self.updates = settings, problem, 0
-
-    def act(self, observation, first, memory, *, explore):
-        shape = *first.shape, self.problem.action
-        return torch.full(shape, self.settings.push, device=observation.device), memory
-
-    def learn(self, step):
-        self.updates += 1
-        return {"loss": torch.zeros(len(self.problem.seeds))}
-
-    def policy(self, seed):
-        return _Same(self.settings.push, self.problem.action)
-
-    def get_state(self):
-        return {"updates": self.updates}
-
-    def set_state(self, state):
-        self.updates = state["updates"]
-
-
-def make(settings: Settings, problem: Problem) -> Learner:
-    """Returns a learner."""
-    return Learner(settings, problem)
-
-
-def forgetful(settings: Settings, problem: Problem) -> None:
+def make(settings: Settings, problem: Problem) -> None:
     """Returns no learner."""
 
 
 def untyped(settings, problem):
-    """Returns no learner: nothing says what its settings are."""
-
-
-def test_a_method_of_another_module_is_trained(tmp_path):
-    command = ["train", NAME, "straighten_rope", "--preset", "still", "--device", "host"]
-    output_of(*command, "--out", str(tmp_path))
-    rows = read_folder(tmp_path)
-    assert {(row.method, row.preset, row.updates) for row in rows} == {(NAME, "still", 2)}
-    assert (tmp_path / "policy_0.pt2").exists()
+    """Nothing says what its settings are."""
 
 
 def test_the_learner_of_the_page_is_trained_and_continued(tmp_path, monkeypatch):
@@ -109,7 +62,9 @@ def test_the_learner_of_the_page_is_trained_and_continued(tmp_path, monkeypatch)
             settings = json.dumps({**SHORT, "env_steps": env_steps})
             replaced = ["--out", folder, "--seeds", "2", "--settings", settings]
             output_of(*shlex.split(command), *replaced)
-        rows[folder] = [row.normalized_performance for row in read_folder(tmp_path / folder)][-4:]
+        last = read_folder(tmp_path / folder)[-4:]
+        assert {(row.method, row.preset) for row in last} == {("search:make", "custom")}
+        rows[folder] = [row.normalized_performance for row in last]
         assert (tmp_path / folder / "policy_1.pt2").exists()
     assert rows["once"] == rows["twice"]
 
@@ -150,6 +105,6 @@ def test_what_is_no_method_is_refused(name, message):
 
 
 def test_a_method_that_makes_no_learner_is_refused(tmp_path):
-    method = find_method(f"{__name__}:forgetful")
-    with pytest.raises(InvalidArgumentError, match=r"forgetful.*None.*Learner"):
+    method = find_method(NAME)
+    with pytest.raises(InvalidArgumentError, match=r"make.*None.*Learner"):
         Training(TrainingSettings("straighten_rope", **SHORT), method, [0], tmp_path, "host")
