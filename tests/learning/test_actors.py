@@ -11,9 +11,8 @@ from softgym_mj.cli import training as cli
 from softgym_mj.cli.console import PUBLISHED, policy_file
 from softgym_mj.evaluation.comparison import read_results
 from softgym_mj.evaluation.configuration import Configuration
-from softgym_mj.exceptions import InvalidArgumentError, StoreError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning import results
-from softgym_mj.learning.entering import enter
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.distill import LABEL
 from softgym_mj.learning.methods.teacher_student import TeacherStudentSettings, make
@@ -101,18 +100,6 @@ def test_rows_of_arms_are_kept_apart(monkeypatch):
     ]  # fmt: skip
     earlier = [dataclasses.replace(row, env_steps=100, final=False) for row in rows]
     assert {*learned.curves([*rows, *earlier])} == {ABSTRACT, FRANKA}
-
-
-def test_the_actor_of_a_card_is_that_of_its_rows(tmp_path):
-    results.write_rows([_row(FRANKA)], tmp_path / "curve.csv")
-    for actor, message in ((None, "actor is franka in curve.csv and 'default'"), ("franka", "")):
-        training = {"task": "straighten_rope", "observation": "markov", "actor": actor}
-        card = {"method": "sac", "preset": "fast", "seeds": [0], "training": training}
-        (tmp_path / "card.json").write_text(json.dumps(card))
-        with pytest.raises(StoreError) as raised:  # Other files are missing.
-            enter(tmp_path)
-        assert message in str(raised.value)
-        assert ("actor is" in str(raised.value)) == (actor is None)
 
 
 def test_planners_with_arms_have_the_budget_of_the_paper():

@@ -2,7 +2,6 @@
 
 import pytest
 
-from tools import run_queue
 from tools.queued_runs import QueuedRun
 from tools.run_queue import Cards
 
@@ -66,21 +65,6 @@ def test_what_takes_longer_than_its_estimate_is_stopped():
 
 def test_nothing_that_does_not_fit_is_started():
     assert Bench({}).play(2, 4, _runs(a=10, b=5)) == []
-
-
-def test_the_committed_queue_waits_for_what_is_not_done(tmp_path):
-    for name in ("queue.toml", "learning.csv"):
-        (tmp_path / name).write_text((run_queue.RESULTS / name).read_text())
-    runs = run_queue.waiting(tmp_path)
-    assert {run.method for run in runs} >= {"teacher_student", "curl", "planet"}
-    known = {(run.task, run.method, run.preset, run.observation) for run in runs}
-    done = "transport_water", "sac", "fast", "markov"
-    assert done not in known
-    (head,) = (tmp_path / "learning.csv").read_text().splitlines()[:1]
-    (tmp_path / "learning.csv").write_text(f"{head}\n")
-    assert done in {
-        (run.task, run.method, run.preset, run.observation) for run in run_queue.waiting(tmp_path)
-    }
 
 
 def test_commands_have_the_teacher():
