@@ -3,22 +3,19 @@
 import dataclasses
 import pathlib
 import re
-from typing import Unpack
 
 import numpy as np
 import pytest
 import torch
 
 import softgym_mj
-from softgym_mj.entities import Rope
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.registry import find_method
 from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.symmetries import symmetries
 from softgym_mj.learning.training import Training
-from softgym_mj.tasks import Measures, Task, TaskSettings, anywhere, mirrored
-from softgym_mj.tasks.shared.entries import points
+from softgym_mj.tasks import anywhere, mirrored
 from softgym_mj.tasks.shared.observations import reduced
 from softgym_mj.tasks.shared.state import State
 
@@ -147,55 +144,18 @@ def test_what_has_none_is_refused():
         symmetries(env)
 
 
-class Pull(Task):
-    """A custom task: the middle of a rope is to be on the X axis, far out."""
-
-    material, horizon, symmetries = "rope", 4, mirrored("reversed")
-
-    def __init__(self, **settings: Unpack[TaskSettings]):
-        self.rope = Rope("fast")
-        super().__init__([self.rope], **settings)
-
-    def arrange(self, random):
-        self.rope.set_points(self.rope.straight() + [0.0, random.uniform(-0.1, 0.1), 0.0])
-
-    def measure(self, state, episode):
-        points = state.points["rope"]
-        middle = points[..., points.shape[-2] // 2, :]
-        return Measures(middle[..., 0] - abs(middle[..., 1]), {})
-
-    def reduced(self, state, episode):
-        return {"5 key points": points(state.points["rope"][..., ::10, :], "object")}
-
-
-def test_a_custom_task_has_its_own_symmetries(tmp_path, register):
-    register("pull_rope", Pull)
-    env = softgym_mj.load("pull_rope", split=[3])
-    env.reset(3)
-    result = symmetries(env)
-    assert len(result) == 4  # With and without the mirror, and the pickers exchanged.
-    seen = env.task.observe("reduced")
-    points, pickers = seen[:-6].reshape(-1, 3), seen[-6:].reshape(2, 3)
-    mirror = np.diag([1.0, -1.0, 1.0])
-    expected = np.concatenate([(points @ mirror)[::-1], pickers @ mirror])
-    np.testing.assert_array_equal(result[2].observation @ seen, expected.ravel())
-    training = TrainingSettings(
-        "pull_rope", env_steps=16, num_envs=2, part=16, episodes=1, final_episodes=1
-    )
-    method = find_method(
-        "sac", hidden=(8,), random_steps=4, updates=2, batch=4, replay=16, symmetric=True
-    )
-    run = Training(training, method, [0], tmp_path, "host")
-    run.run()
-    assert {row["replay"] for row in run.rows} == {"symmetric"} and run.learner.updates > 0
-
-
-def test_the_custom_task_of_the_docs_is_the_same_in_all_its_forms():
-    """Its measure is invariant, and tensors of many environments give what one of NumPy does."""
+@pytest.fixture(name="gather_rope")
+def _gather_rope():
+    """The custom task of the page."""
     (code,) = re.findall(r"```python\n([^`]*class GatherRope[^`]*)```", PAGE.read_text())
     namespace: dict = {"__name__": "page"}
     exec(code, namespace)
-    env = Environment(namespace["GatherRope"](), name="gather_rope", horizon=5, split=[3])
+    return namespace["GatherRope"]
+
+
+def test_the_custom_task_of_the_docs_is_the_same_in_all_its_forms(gather_rope):
+    """Its measure is invariant, and tensors of many environments give what one of NumPy does."""
+    env = Environment(gather_rope(), name="gather_rope", horizon=5, split=[3])
     env.reset(3)
     for action in np.random.default_rng(0).uniform(-1.0, 1.0, (3, 8)):
         env.step(action)
@@ -214,6 +174,20 @@ def test_the_custom_task_of_the_docs_is_the_same_in_all_its_forms():
     performance = env.task.measure(many, env.task.episode).performance
     one = env.task.last_evaluation.performance
     np.testing.assert_allclose(performance, [one, 2.0 * one], rtol=1e-12)
+
+
+def test_a_custom_task_is_trained_with_its_symmetries(gather_rope, tmp_path, register):
+    register("gather_rope", gather_rope)
+    training = TrainingSettings(
+        "gather_rope", env_steps=16, num_envs=2, part=16, episodes=1, final_episodes=1,
+        episode_steps=4,
+    )  # fmt: skip
+    method = find_method(
+        "sac", hidden=(8,), random_steps=4, updates=2, batch=4, replay=16, symmetric=True
+    )
+    run = Training(training, method, [0], tmp_path, "host")
+    run.run()
+    assert {row["replay"] for row in run.rows} == {"symmetric"} and run.learner.updates > 0
 
 
 def test_orders_that_are_none_are_refused():
