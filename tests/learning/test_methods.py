@@ -11,6 +11,7 @@ from softgym_mj.learning.registry import METHODS, find_method
 from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.training import POLICY, Training
 from softgym_mj.policies.exported import has_images
+from tests.learning.test_training import Killed, rows_of
 from tests.vector.same import same
 
 SEEDS = [4, 9]
@@ -47,10 +48,6 @@ CASES = {
 # Methods with the networks of drq and of distill.
 SAME_POLICIES = ("curl", "teacher_student")
 LONG = (*SAME_POLICIES, "wu")  # The others have their learners and more.
-
-
-class _Killed(Exception):
-    pass
 
 
 @pytest.fixture(
@@ -91,10 +88,6 @@ def _case(name):
     return own.SETTINGS, dataclasses.asdict(own.METHOD.settings)
 
 
-def _rows(training):
-    return [{name: row[name] for name in row if name != "seconds"} for row in training.rows]
-
-
 def _observations(problem, number):
     """Random observations (1, number, ...), several by name."""
     if problem.shapes:
@@ -125,17 +118,17 @@ def test_a_training_that_was_killed_ends_alike(train, whole, no_policies, monkey
 
     def kill(training, news):
         if training.env_steps == part + 2 * num_envs:
-            raise _Killed
+            raise Killed
 
     assert whole.learner.updates > 0 and len(whole.rows) == 2 * len(SEEDS)
     monkeypatch.setattr(module, "KEEP_SECONDS", -1.0)  # A checkpoint after each vector step.
     monkeypatch.setattr(module, "KEEP_RATIO", 0.0)
-    with pytest.raises(_Killed):  # Before the checkpoint of its last vector step is written.
+    with pytest.raises(Killed):  # Before the checkpoint of its last vector step is written.
         train("killed").run(kill, points=whole.settings.env_steps)
     again, starts = train("killed"), []
     again.run(on_start=lambda now: starts.append(now.env_steps))
     assert starts == [part + num_envs]
-    assert _rows(again) == _rows(whole)
+    assert rows_of(again) == rows_of(whole)
     assert same(again.learner.get_state(), whole.learner.get_state())
 
 

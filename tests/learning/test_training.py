@@ -24,7 +24,6 @@ from softgym_mj.learning.training import Training
 from softgym_mj.policies.exported import observes
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.robots.gripper import HELD
-from tests.command import output_of
 
 SEEDS = [4, 9]
 METHOD = find_method(
@@ -41,16 +40,19 @@ def _training(folder, seeds=SEEDS, settings=SETTINGS):
     return Training(settings, METHOD, seeds, folder, "host")
 
 
-class _Killed(Exception):
-    pass
+class Killed(Exception):
+    """Ends a training where it is."""
 
 
-def _weights(training):
-    return [p.detach().clone() for p in training.learner.algorithm.actor.parameters()]
+def rows_of(training):
+    """Its curve, but for how long it took."""
+    return [{name: row[name] for name in row if name != "seconds"} for row in training.rows]
 
 
-def _without_seconds(rows):
-    return [{name: row[name] for name in row if name != "seconds"} for row in rows]
+def result_of(training):
+    """Its curve, what was learned, and how the last episodes ended."""
+    weights = [p.detach().tolist() for p in training.learner.algorithm.actor.parameters()]
+    return rows_of(training), weights, (training.folder / "episodes.csv").read_text()
 
 
 @pytest.fixture(name="whole", scope="module")
@@ -148,18 +150,17 @@ def test_a_card_says_what_a_checkpoint_is(whole):
 def test_nothing_is_kept_of_a_part_without_checkpoints(whole, tmp_path, no_policies):
     def kill(training, news):
         if training.done == 2:
-            raise _Killed
+            raise Killed
 
-    with pytest.raises(_Killed):
+    with pytest.raises(Killed):
         _training(tmp_path).run(kill)
     again = _training(tmp_path)
-    again.learner.algorithm.update = lambda batch: (_ for _ in ()).throw(_Killed)
-    with pytest.raises(_Killed):
+    again.learner.algorithm.update = lambda batch: (_ for _ in ()).throw(Killed)
+    with pytest.raises(Killed):
         again.run()
     again = _training(tmp_path)
     again.run()
-    assert all(map(torch.equal, _weights(again), _weights(whole)))
-    assert _without_seconds(again.rows) == _without_seconds(whole.rows)
+    assert result_of(again) == result_of(whole)
 
 
 def test_what_was_killed_in_an_evaluation_ends_alike(whole, tmp_path, no_policies):
@@ -170,15 +171,15 @@ def test_what_was_killed_in_an_evaluation_ends_alike(whole, tmp_path, no_policie
         nonlocal left
         left -= 1
         if left < 0:
-            raise _Killed
+            raise Killed
         return play(variations)
 
     killed.play = kill
-    with pytest.raises(_Killed):
+    with pytest.raises(Killed):
         killed.run()
     again = _training(tmp_path)
     again.run()
-    assert _without_seconds(again.rows) == _without_seconds(whole.rows)
+    assert result_of(again) == result_of(whole)
 
 
 def test_presets_are_found_by_name_and_changed():
@@ -231,24 +232,13 @@ def test_rates_of_the_paper(task, observation, rate, halved, alpha_rate):
     assert (settings.lr_halving_period, settings.alpha_rate) == (halved, alpha_rate)
 
 
-def test_the_command(tmp_path, no_policies):
-    both = {**vars(SETTINGS), **vars(METHOD.settings)}
-    settings = {name: value for name, value in both.items() if name != "task"}
-    command = ["train", "sac", "straighten_rope", "--preset", "paper", "--device", "host"]
-    command += ["--settings", json.dumps({**settings, "env_steps": 16}), "--out", str(tmp_path)]
-    assert "seed 0, evaluate, 2 episodes" in output_of(*command)
-    assert (tmp_path / "curve.csv").exists()
-
-
 def test_a_training_that_has_ended_goes_on_to_more_env_steps(whole, tmp_path, no_policies):
     """24 env steps, the third part; then 32, of which the curve has points at 16 and 32."""
     _training(tmp_path, settings=dataclasses.replace(SETTINGS, env_steps=24)).run()
     assert {row.env_steps for row in read_rows(tmp_path / "curve.csv") if row.final} == {24}
     longer = _training(tmp_path)
     longer.run()
-    assert _without_seconds(longer.rows) == _without_seconds(whole.rows)
-    for own, expected in zip(_weights(longer), _weights(whole), strict=True):
-        assert torch.equal(own, expected)
+    assert result_of(longer) == result_of(whole)
 
 
 def test_a_training_becomes_a_shorter_one_that_it_has_not_passed(tmp_path, no_policies):
@@ -256,16 +246,15 @@ def test_a_training_becomes_a_shorter_one_that_it_has_not_passed(tmp_path, no_po
 
     def kill(training, news):
         if training.done == 2:
-            raise _Killed
+            raise Killed
 
-    with pytest.raises(_Killed):
+    with pytest.raises(Killed):
         _training(tmp_path / "killed").run(kill)
     settings = dataclasses.replace(SETTINGS, env_steps=24)
     shorter, expected = (_training(tmp_path / name, settings=settings) for name in ("killed", "24"))
     for training in (shorter, expected):
         training.run()
-    assert _without_seconds(shorter.rows) == _without_seconds(expected.rows)
-    assert all(map(torch.equal, _weights(shorter), _weights(expected)))
+    assert result_of(shorter) == result_of(expected)
     passed = _training(tmp_path / "killed", settings=dataclasses.replace(SETTINGS, env_steps=16))
     with pytest.raises(InvalidArgumentError, match=r"env_steps=16 .* 24 or more, .* has 24 env"):
         passed.run()
