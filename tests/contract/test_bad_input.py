@@ -418,13 +418,6 @@ def test_bad_reset(arguments, words, many):
     made.close()
 
 
-def test_bad_seed_in_a_sequence():
-    envs = softgym_mj.make_vec(ROPE, 2, device="host")
-    with pytest.raises(exceptions.InvalidArgumentError, match=r"seed=\[3, -1\]"):
-        envs.reset(seed=[3, -1])
-    envs.close()
-
-
 def test_step_after_truncation():
     gym = make(ROPE_ID, horizon=2)
     for _ in range(2):

@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
-import torch
 
 import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.policies import reactive
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.policies.reactive.rope import ABOVE, LAID, PUTTING
-from tests.policies.reactive_episodes import NAME, entries, play
+from tests.policies.reactive_episodes import NAME, check_batches, entries, play
 
 HIGH = 0.1  # [m] Height at which free pickers rest.
 
@@ -97,10 +96,7 @@ def test_batches_have_the_actions_of_single_observations():
     source = np.random.default_rng(0)
     states = 0.1 * source.standard_normal((60, 74))
     states[:, 66::4] = source.integers(-1, 2, (60, 2))
-    single = [reactive.rope_configuration(state) for state in states]
-    batch = reactive.rope_configuration(torch.tensor(states).reshape(3, 20, 74))
-    np.testing.assert_allclose(batch.reshape(60, 8), single, rtol=0, atol=1e-12)
-    assert np.abs(single).max() <= 1.0
+    check_batches(reactive.rope_configuration, states, 1e-12)
 
 
 def test_it_lays_ropes_in_the_shape_of_letters():

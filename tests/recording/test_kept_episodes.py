@@ -174,9 +174,8 @@ def test_the_same_recording_is_found(played):
 def test_another_recording_is_not_taken_for_the_same(changes, named, played):
     usual = {"task": TASK, "variations": (0, 1), "policy": "random", "dataset": "rope-v0", **SHORT}
     record(**usual)
-    with pytest.raises(
-        StoreError, match=f"'rope-v0' exists with different {named}; choose another"
-    ):
+    message = f"'rope-v0' exists with different {named}; choose another .*delete .*rope-v0$"
+    with pytest.raises(StoreError, match=message):
         record(**{**usual, **changes})
     assert played == [0, 1] and local_datasets() == ["rope-v0"]
 

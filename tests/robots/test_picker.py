@@ -191,23 +191,6 @@ def test_pick_distance(facts, direction):
 # ---------------------------------------------------------------- two pickers
 
 
-@pytest.mark.parametrize(("holder", "taker"), [(0, 1), (1, 0)])
-def test_released_vertex_can_be_taken_in_the_same_sim_step(holder, taker):
-    scene = make_scene(ROPE)
-    scene.lay()
-    scene.place([0.0, 0.0, 0.04], [0.0, 0.0, 0.04])
-    grips = np.full(2, OFF)
-    grips[holder] = ON
-    scene.step([0, 0, 0, grips[0]], [0, 0, 0, grips[1]])
-    assert scene.actor.held[holder] == 20
-    scene.step([0, 0, 0, grips[1]], [0, 0, 0, grips[0]])
-    assert scene.actor.held[taker] == 20
-    assert scene.actor.held[holder] == -1
-    before = scene.target.vertex(20)
-    scene.step(*[[0, 0, 1, grip] for grip in grips[::-1]])
-    np.testing.assert_allclose(scene.target.vertex(20) - before, [0, 0, FULL], atol=1e-3)
-
-
 def test_three_pickers_share_what_is_there():
     scene = make_scene(ROPE, num_pickers=3)
     scene.lay()

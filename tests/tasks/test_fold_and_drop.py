@@ -137,19 +137,6 @@ def test_a_perfect_fold_scores_one_less_its_layer(task):
     assert info["displacement"] == pytest.approx(0.0, abs=2e-3)
 
 
-def test_a_fold_that_was_dragged_away_costs_what_it_moved(fold):
-    fold.reset(805)
-    cloth = fold.task.cloth
-    places = folded(cloth, cloth.points(), layer=0.0)
-    cloth.set_points(places)
-    before = measured(fold)["performance"]
-    cloth.set_points(places + [0.03, -0.04, 0.0])
-    info = measured(fold)
-    assert info["displacement"] == pytest.approx(0.05, abs=1e-6)
-    assert info["reward_displacement"] == pytest.approx(-1.2 * 0.05, abs=1e-6)
-    assert info["performance"] == pytest.approx(before - 0.06, abs=1e-6)
-
-
 @pytest.mark.parametrize("fidelity", ["fast", "default"])
 def test_the_performance_of_a_shape_does_not_depend_on_the_resolution(fidelity):
     """A cloth bent to a half pipe, whatever the number of its vertices."""

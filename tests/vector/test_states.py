@@ -132,7 +132,7 @@ def test_seeds(envs):
     seeds = np.arange(SEED, SEED + NUM_ENVS)
     for seed in (seeds[0], seeds, seeds.tolist(), tuple(seeds)):
         assert same(envs.reset(seed=seed), expected)
-    for bad in (1.5, True, [1, 2], [1, 2, True], [1, 2, "3"], "abc"):
+    for bad in (1.5, True, [1, 2], [1, 2, True], [1, 2, "3"], [1, 2, -1], "abc"):
         with pytest.raises(InvalidArgumentError, match="a whole number, 0 or more, or 3 of them"):
             envs.reset(seed=bad)
     with pytest.raises(
