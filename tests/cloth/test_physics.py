@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from softgym_mj.cloth import solver
-from softgym_mj.entities.cloth import DEFAULT_DIMS, Cloth
 from softgym_mj.entities.fabric import Fabric
 from softgym_mj.reality.cloth.sheet import compiled, rectangle
 from tests.cloth.beams import elastica_drop
@@ -473,15 +472,6 @@ def test_a_falling_cloth_does_not_pass_through_a_thin_solid(kind, half, height):
     assert min(nearest) > -0.005
     assert np.sum(np.array(nearest) < 0.0) <= 5
     assert nearest[-1] > 0.003
-
-
-def test_the_fabrics_of_these_tests_are_the_ones_in_use():
-    """The default cloth's model says what `WOVEN` says."""
-    root = Cloth(dims=DEFAULT_DIMS).mjcf_model
-    config = {c.key: float(c.value) for c in root.extension.plugin[0].instance[0].config}
-    assert config["bend"] == WOVEN.bend_stiffness
-    assert config["stretch"] == WOVEN.stretch_stiffness
-    assert config["drag"] == WOVEN.drag
 
 
 @pytest.mark.parametrize("speed", [12.0, 20.0, 40.0])
