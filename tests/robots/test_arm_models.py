@@ -288,7 +288,7 @@ def test_names_are_those_of_the_model(arm, model):
         np.testing.assert_array_equal(model.joint(name).range, arm.finger_range)
         np.testing.assert_array_equal(model.actuator(name).ctrlrange, arm.finger_commands)
         np.testing.assert_array_equal(model.actuator(name).forcerange, [-GRIP_FORCE, GRIP_FORCE])
-    assert arm.opening == pytest.approx((0.0, OPENINGS[arm.name]))
+    assert np.multiply(2, arm.finger_range) == pytest.approx([0.0, OPENINGS[arm.name]])
 
 
 def test_inertias_are_those_of_the_table(arm, model):
@@ -356,7 +356,7 @@ def test_fingers_open_and_close(arm, model, data):
     fingers = [model.actuator(name).id for name in arm.finger_joints]
     tcp, pads = data.site(arm.tcp_site), [data.geom(pad) for pad in arm.pad_geoms]
     thickness = 2 * model.geom(arm.pad_geoms[0]).size[1]
-    for command, opening in zip(arm.finger_commands, arm.opening, strict=True):
+    for command, opening in zip(arm.finger_commands, (0.0, OPENINGS[arm.name]), strict=True):
         data.ctrl[fingers] = command
         mujoco.mj_step(model, data, 500)
         left, right = (tcp.xmat.reshape(3, 3)[:, 1] @ (pad.xpos - tcp.xpos) for pad in pads)

@@ -58,12 +58,6 @@ class Arm:
     tcp_site: str = "tcp"
     pad_geoms: tuple[str, str] = ("left_pad", "right_pad")
 
-    @property
-    def opening(self) -> tuple[float, float]:
-        """Distance [m] between the pads when closed and when open."""
-        closed, open_ = self.finger_range
-        return 2 * closed, 2 * open_
-
 
 # `reach` was measured with the tool down, up to 80 degrees to a side: a Franka gets to within 1 mm
 # up to 0.8 m from its axis at heights of 0.02 to 0.2 m, 0.72 m at 0.45 m; a Sawyer up to 0.9 m, 0.8
