@@ -459,8 +459,10 @@ def test_use_after_close():
 
 
 @pytest.mark.parametrize("device", ["cpu", "host"])
-def test_use_of_many_after_close(device):
+def test_use_of_many_before_the_first_reset_and_after_close(device):
     envs = softgym_mj.make_vec(ROPE, 1, device=device)
+    with pytest.raises(exceptions.LifecycleError, match="call reset"):
+        envs.get_state()
     envs.reset()
     states, actions = envs.get_state(), np.zeros((1, 8), np.float32)
     envs.close()
@@ -472,6 +474,7 @@ def test_use_of_many_after_close(device):
         envs.get_state,
         lambda: envs.set_state(states),
         lambda: envs.call("horizon"),
+        lambda: envs.set_attr("mark", 1),
     ):
         with pytest.raises(exceptions.LifecycleError, match="closed: make a new one"):
             use()

@@ -244,18 +244,6 @@ def test_a_fork_leaves_it_alone(pair):
     pair.check()
 
 
-def test_an_unstarted_and_a_closed_one_say_so():
-    envs = make()
-    with pytest.raises(LifecycleError, match="call reset"):
-        envs.get_state()
-    envs.close()
-    envs.close()
-    step, set_attr = (lambda: envs.step(np.zeros((2, 8)))), (lambda: envs.set_attr("mark", 1))
-    for call in (envs.reset, step, envs.get_state, set_attr):
-        with pytest.raises(LifecycleError, match="was closed: make a new one"):
-            call()
-
-
 def test_answers_that_cannot_leave_their_worker():
     envs = make(render_mode="rgb_array")
     envs.reset(seed=SEED)

@@ -134,6 +134,7 @@ class BatchBackend(BatchEpisodes):
     # ------------------------------------------------------------------ snapshots
 
     def get_state(self) -> list[Snapshot]:
+        self._check_started()
         names = ("variation", "strain", "count", "ended")
         each = zip(*(self._device.get(array).tolist() for array in self._read()), strict=True)
         return [

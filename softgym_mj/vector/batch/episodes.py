@@ -143,6 +143,10 @@ class BatchEpisodes(Backend):
         for name in ("ended", "diverged"):
             self._at[name] = self._at[name] & ~which
 
+    def _check_started(self) -> None:
+        if not self._started.all():
+            raise LifecycleError("no episode has started: call reset() first")
+
     @property
     def _episode(self) -> Episode:
         return Episode(**self._rows.whole["episode"])
@@ -159,8 +163,7 @@ class BatchEpisodes(Backend):
 
     def advance(self, actions: Any, mode: AutoresetMode | None) -> tuple[Any, Any, Any, Any, Any]:
         """Makes an env step; with mode None ended episodes continue."""
-        if not self._started.all():
-            raise LifecycleError("no episode has started: call reset() first")
+        self._check_started()
         if mode == AutoresetMode.DISABLED:
             check_running(self._device.get(self._at["ended"]))
         elif mode in _FOLLOWED:
