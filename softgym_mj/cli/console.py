@@ -98,9 +98,28 @@ def policy_file(name: str) -> str:
     return name
 
 
-def given(**options: str | int | None) -> dict[str, Any]:
+def given(**options: Any) -> dict[str, Any]:
     """Returns the options that are not None, as arguments of a task."""
     return {name: value for name, value in options.items() if value is not None}
+
+
+def combined(settings: dict[str, Any], name: str, **options: Any) -> dict[str, Any]:
+    """Returns settings together with the options that are not None.
+
+    Args:
+        settings: The settings.
+        name: Name of the option that contains them.
+        options: Values of the options that set one of them each.
+
+    Raises:
+        InvalidArgumentError: for a setting that differs from its option.
+    """
+    options = given(**options)
+    for option, value in options.items():
+        if settings.get(option, value) != value:
+            valid = f"{value!r}, the value of --{option}, or none"
+            raise InvalidArgumentError(f"{name}: {option}", settings[option], valid)
+    return {**settings, **options}
 
 
 def for_people(

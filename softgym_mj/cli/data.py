@@ -18,8 +18,8 @@ from softgym_mj.cli.console import (
     Trust,
     Variations,
     chosen_variations,
+    combined,
     console,
-    given,
     parsed_settings,
     policy_file,
     progress_bar,
@@ -118,9 +118,14 @@ def record(
     from softgym_mj import recording
 
     played = chosen_variations(variations, split, episodes, ("train", 10))
-    chosen = {**parsed_settings(task_settings), **given(actor=actor, grasp=grasp, look=look)}
-    if observation is not None:
-        chosen["observation"] = observation.split(",")
+    chosen = combined(
+        parsed_settings(task_settings),
+        "task_settings",
+        actor=actor,
+        grasp=grasp,
+        look=look,
+        observation=None if observation is None else observation.split(","),
+    )
     chosen.setdefault("observation", recording.make_format(format, codec).observation)
     for name in inspect.signature(recording.record).parameters:
         if name in chosen:

@@ -21,8 +21,8 @@ from softgym_mj.cli.console import (
     Trust,
     Variations,
     chosen_variations,
+    combined,
     console,
-    given,
     parsed_settings,
     policy_file,
     progress_bar,
@@ -87,8 +87,8 @@ def evaluate(
         policy,
         chosen_variations(variations, split, episodes, ("evaluate", _EPISODES)),
         tuple(range(seeds)),
-        {**parsed_settings(task_settings), **given(actor=actor, grasp=grasp)},
-        planning if policy in PLANNERS else None,
+        combined(parsed_settings(task_settings), "task_settings", actor=actor, grasp=grasp),
+        planning if policy in PLANNERS or planning != evaluation.Planning() else None,
     )
     try:
         with progress_of(configuration) as progress, make_executor(jobs, ray) as executor:

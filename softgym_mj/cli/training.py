@@ -15,6 +15,7 @@ from softgym_mj.cli.console import (
     Task,
     TaskSettings,
     Trust,
+    combined,
     console,
     parsed_settings,
     policy_file,
@@ -123,10 +124,9 @@ def train(
     if minutes is not None:
         limit = TimeLimit(start + 60.0 * _checked_minutes(minutes, jobs == 1 and ray is None))
     chosen_seeds = range(first_seed, first_seed + seeds)
-    chosen: dict[str, Any] = parsed_settings(settings, "settings")
-    if observation is not None:
-        names = observation.split(",")
-        chosen["observation"] = names if len(names) > 1 else observation
+    names = (observation or "").split(",")
+    seen = names if len(names) > 1 else observation
+    chosen = combined(parsed_settings(settings, "settings"), "settings", observation=seen)
     if teacher is not None:
         chosen |= _teacher(teacher, trust)
     chosen |= _of_task(parsed_settings(task_settings))

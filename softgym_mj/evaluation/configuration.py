@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from softgym_mj import registry
-from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_count
+from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.policies.exported import observes
 from softgym_mj.policies.factory import SIMPLE, depends_on_seed
 from softgym_mj.policies.planners import BUDGET, CEM, ITERATIONS, PLANNERS, make_planner
@@ -93,7 +93,9 @@ class Configuration:
             object.__setattr__(self, "planning", planning)
             check_count("replan_every", planning.replan_every, 1, horizon)
         elif self.planning is not None:
-            raise StoreError(f"planning is for {', '.join(PLANNERS)}, not for {self.policy!r}")
+            raise InvalidArgumentError(
+                f"planning is for {', '.join(PLANNERS)}, not for {self.policy!r}"
+            )
 
     def _observe(self) -> None:
         """Sets the observation to that of the policies' files."""

@@ -16,7 +16,7 @@ import softgym_mj
 from softgym_mj import evaluation
 from softgym_mj.cli import commands
 from softgym_mj.evaluation import Configuration, Planning, evaluate, running
-from softgym_mj.exceptions import InvalidArgumentError, StoreError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.parallel.executors import ProcessExecutor, RayExecutor
 from softgym_mj.policies.exported import export_policy
 from softgym_mj.policies.factory import make_policy
@@ -137,7 +137,7 @@ def test_bad_configurations(settings, message):
     valid = {"task": "straighten_rope", "policy": "zero", "variations": (800,)}
     with pytest.raises(InvalidArgumentError, match=message):
         Configuration(**{**valid, **settings})
-    with pytest.raises(StoreError, match="not for 'zero'"):
+    with pytest.raises(InvalidArgumentError, match="not for 'zero'"):
         Configuration(**valid, planning=Planning())
 
 
@@ -295,8 +295,17 @@ def test_the_command_line_chooses_variations_and_actors(tmp_path):
         result = json.loads((folder / "result.json").read_text())
         assert result["variations"] == variations
         assert result["settings"] == {"horizon": 1, "actor": "picker"}
-    failed = CliRunner().invoke(commands.app, [*base, "--variations", "3", "--episodes", "2"])
-    assert isinstance(failed.exception, InvalidArgumentError)
+    for options, words in {
+        ("--variations", "3", "--episodes", "2"): "--variations cannot be combined with --episodes",
+        ("--horizon", "5"): "planning is for cem, icem, not for 'zero'",
+        ("--task-settings", '{"actor": "ur5e"}', "--actor", "franka"): (
+            "task_settings: actor='ur5e' is not valid: expected 'franka', the value of --actor"
+        ),
+    }.items():
+        arguments = [*base, *options, "--out", str(tmp_path / "refused")]
+        failed = CliRunner().invoke(commands.app, arguments)
+        assert isinstance(failed.exception, InvalidArgumentError)
+        assert words in str(failed.exception)
 
 
 def test_a_batch_reports_its_env_steps(tmp_path):
