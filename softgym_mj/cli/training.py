@@ -218,7 +218,8 @@ def _teacher(name: str, trust: bool) -> dict[str, Any]:
     from softgym_mj.policies.saved import imported
 
     if ":" in name:
-        return {"teacher": name, "privileged": getattr(imported(name), "observes", "markov")}
+        function = imported(name, "teacher")
+        return {"teacher": name, "privileged": getattr(function, "observes", "markov")}
     file = policy_file(name)
     if not file.endswith(SUFFIX) or not pathlib.Path(file).is_file():
         raise InvalidArgumentError("teacher", name, f"FILE{SUFFIX}, or {PUBLISHED.format('NAME')}")

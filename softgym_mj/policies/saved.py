@@ -84,12 +84,16 @@ def _imported(name: str, env: Environment, seed: int) -> Policy:
     return policy
 
 
-def imported(name: str) -> Any:
-    """Returns what "module:name" names; raises `InvalidArgumentError` if it cannot be imported."""
+def imported(name: str, argument: str = "policy") -> Any:
+    """Returns what "module:name" names, the value of an argument.
+
+    Raises:
+        InvalidArgumentError: if it cannot be imported.
+    """
     module, function = name.split(":", 1)
     try:
         return getattr(importlib.import_module(module), function)
     except Exception as error:  # Whatever the code of the module raises.
         raise InvalidArgumentError(
-            f"policy={name!r} cannot be imported: {type(error).__name__}: {error}"
+            f"{argument}={name!r} cannot be imported: {type(error).__name__}: {error}"
         ) from error

@@ -279,8 +279,25 @@ def test_students_of_points_take_those_of_the_first_observation():
         assert student.others == [*observed] and student.encoder.points.shape == (number, 3)
 
 
+def test_teachers_of_another_task_are_refused(teacher):
+    """A file of a rope's policy, functions that raise or return no actions; 66 numbers a state."""
+    states = torch.zeros(1, 4, 66)
+    for name, words in {
+        str(teacher[1]): "failed: expected actions (1, 4, 8) for observations (1, 4, 66)",
+        "softgym_mj.policies.reactive:fold_cloth": "cannot be imported",
+        "torch:logdet": "failed: expected actions (1, 4, 8) for observations (1, 4, 66)",
+        "torch:zeros_like": "returns (1, 4, 66): expected actions (1, 4, 8)",
+        "torch:is_tensor": "returns bool: expected actions (1, 4, 8)",
+    }.items():
+        with pytest.raises(InvalidArgumentError) as error:
+            result = find_method("distill", teacher=name, **SMALL)
+            problem = _of_ropes({"reduced": (66,), "held": (2,)})
+            result.make(result.settings, problem)._teacher(states)
+        assert f"teacher={name!r} {words}" in str(error.value)
+
+
 def test_missing_functions_are_refused_as_teachers():
-    with pytest.raises(InvalidArgumentError, match="cannot be imported"):
+    with pytest.raises(InvalidArgumentError, match=r"teacher=.* cannot be imported"):
         training._teacher("softgym_mj.policies.reactive:missing", False)
 
 

@@ -200,13 +200,34 @@ def make(settings: DistillSettings, problem: Problem) -> Distill:
     if not settings.teacher:
         valid = "--teacher FILE.pt2 or MODULE:FUNCTION, and --trust; teacher_student needs none"
         raise InvalidArgumentError("teacher", settings.teacher, valid)
-    return Distill(settings, problem, _teacher(settings.teacher, problem.device))
+    return Distill(settings, problem, _checked(settings.teacher, problem))
+
+
+def _checked(name: str, problem: Problem) -> Callable[[Tensor], Tensor]:
+    """Returns a teacher that raises `InvalidArgumentError` unless it can label a problem."""
+    teacher = _teacher(name, problem.device)
+
+    def labels(states: Tensor) -> Tensor:
+        shape = tuple(states.shape)
+        valid = f"actions {(*shape[:-1], problem.action)} for observations {shape}"
+        try:
+            result = teacher(states)
+        except Exception as error:  # Whatever a function raises, or the guards of a file.
+            failed = f"{type(error).__name__}: {error}"
+            message = f"teacher={name!r} failed: expected {valid}: {failed}"
+            raise InvalidArgumentError(message) from error
+        if not isinstance(result, Tensor) or result.shape != (*shape[:-1], problem.action):
+            found = tuple(result.shape) if isinstance(result, Tensor) else type(result).__name__
+            raise InvalidArgumentError(f"teacher={name!r} returns {found}: expected {valid}")
+        return result
+
+    return labels
 
 
 def _teacher(name: str, device: str) -> Callable[[Tensor], Tensor]:
     """Returns a function from privileged observations (seeds, n, k) to actions."""
     if ":" in name:
-        return imported(name)
+        return imported(name, "teacher")
     exported = torch.export.load(io.BytesIO(read_whole(name)))
     # A file has a policy of a single observation: vmap makes it one of many.
     teacher = torch.func.vmap(move_to_device_pass(exported, device).module())
