@@ -9,6 +9,7 @@ from tensordict import TensorDict, TensorDictBase
 from torchrl.data import Binary, Bounded, Composite, Unbounded
 from torchrl.envs import EnvBase
 
+from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.registry import TaskRecord
 from softgym_mj.vector.make import make_vec
 
@@ -41,10 +42,17 @@ class TorchRLEnv(EnvBase):
             task, num_envs, device: As in `make_vec`; with "cuda" all tensors are on the GPU.
             info: Names of info scalars to return, as float32 (num_envs, 1).
             **settings: Further arguments of `make_vec`, except `autoreset_mode`.
+
+        Raises:
+            InvalidArgumentError: If an argument is invalid; for an unknown name in `info`, the
+                first reset raises it.
         """
+        if isinstance(info, str):
+            raise InvalidArgumentError("info", info, "a sequence of names")
+        envs = make_vec(task, num_envs, device=device, autoreset_mode="Disabled", **settings)
         where = torch.device("cuda", 0) if device == "cuda" else torch.device("cpu")
         super().__init__(device=where, batch_size=torch.Size([num_envs]))
-        self.envs = make_vec(task, num_envs, device=device, autoreset_mode="Disabled", **settings)
+        self.envs = envs
         self._info = tuple(info)
         self._seed: int | None = None
         space = self.envs.observation_space
@@ -93,6 +101,8 @@ class TorchRLEnv(EnvBase):
     def _seen(self, observations: Any, infos: dict[str, Any]) -> TensorDictBase:
         if not isinstance(observations, dict):
             observations = {"observation": observations}
+        for name in self._info:
+            check_name("info", name, (key for key in infos if not key.startswith("_")))
         found = {name: torch.as_tensor(value) for name, value in observations.items()}
         found |= {name: self._column(infos[name], torch.float32) for name in self._info}
         return TensorDict(found | self._ends, batch_size=self.batch_size, device=self.device)

@@ -5,6 +5,7 @@ import pytest
 import torch
 
 import softgym_mj
+from softgym_mj.exceptions import InvalidArgumentError
 from tests.kinds import by_material
 
 SETTINGS = {"fidelity": "fast", "num_workers": 1, "split": "all"}
@@ -68,3 +69,13 @@ def test_a_part_is_reset_alone(make):
     part["_reset"] = mask
     after = env.reset(part)["observation"]
     assert (after == before).all(1).tolist() == [True, False, True]
+
+
+def test_unknown_infos_and_numbers_are_refused(make):
+    with pytest.raises(InvalidArgumentError, match="info='success' is not valid: expected a seq"):
+        make("straighten_rope", 1, device="host", info="success")
+    with pytest.raises(InvalidArgumentError, match="num_envs='two' is not valid: expected a whole"):
+        make("straighten_rope", "two", device="host")
+    env = make("straighten_rope", 1, device="host", info=["variations"])
+    with pytest.raises(InvalidArgumentError, match=r"did you mean 'variation'.*'success'"):
+        env.reset()
