@@ -1,7 +1,9 @@
 """SoftGym's interface: old scripts, its axes and units, and the table that lists every name."""
 
+import copy
 import functools
 import pathlib
+import pickle
 import re
 
 import imageio.v3 as imageio
@@ -108,6 +110,20 @@ def test_pick_and_place_goes_to_points_in_meters():
     ends = np.array([[0.45, 0.25, 0.45], [-0.45, 0.05, -0.45]]) + center * [1, 0, 1]
     ends = np.clip(ends, [-0.5, 0, -0.5], [0.5, 0.3, 0.5])
     np.testing.assert_allclose(observation[-6:].reshape(2, 3), ends, atol=1e-6)
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, pickle.dumps])
+def test_snapshots_replace_copies(copied):
+    env, other = make("RopeFlatten"), make("RopeFlatten")
+    for each in (env, normalize(env)):
+        with pytest.raises(LifecycleError, match=r"cannot be copied.*set_state\(env.get_state"):
+            copied(each)
+    env.reset(), other.reset()
+    env.step(env.action_space.high)
+    other.set_state(env.get_state())
+    steps = [each.step(each.action_space.low) for each in (env, other)]
+    np.testing.assert_array_equal(steps[0][0], steps[1][0])
+    assert steps[0][1:] == steps[1][1:]
 
 
 def test_pixels_and_offsets_are_softgyms():

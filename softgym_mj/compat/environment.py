@@ -3,7 +3,7 @@
 import math
 import pathlib
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NoReturn
 
 import gymnasium
 import numpy as np
@@ -283,6 +283,12 @@ class OldEnv:
     def set_state(self, state: Snapshot) -> None:
         """Restores a snapshot."""
         self.dm_env.set_state(state)
+
+    def __reduce__(self) -> NoReturn:
+        raise LifecycleError(
+            "an environment of SoftGym's interface cannot be copied or pickled: "
+            "make another one and use other.set_state(env.get_state())"
+        )
 
     def close(self) -> None:
         """Frees the simulation."""
