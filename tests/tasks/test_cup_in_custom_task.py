@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 
+import softgym_mj
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
 
@@ -51,3 +52,9 @@ def test_a_cup_waters_a_rope(task, actor):
 def test_grippers_cannot_act_there(task):
     with pytest.raises(InvalidArgumentError, match="actor='picker'"):
         task(actor="picker")
+
+
+def test_batches_refuse_its_two_objects(task, register):
+    register("water_the_rope", task)
+    with pytest.raises(InvalidArgumentError, match=r"several objects \['water', 'rope'\].*'cpu'"):
+        softgym_mj.make_vec("water_the_rope", 1, device="host")

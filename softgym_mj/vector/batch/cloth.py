@@ -48,9 +48,9 @@ class ClothBatch(BatchPhysics):
             InvalidArgumentError: Unless there is exactly one flex and the actor is supported.
         """
         task, flexes = env.task, env.task.flexes.flexes
-        self._check(task)
         if len(flexes) != 1 or len(task.objects) != 1:
             raise cpu_only(f"a task with several objects {[*task.scene.materials]}")
+        self._check(task)
         self._env, self._flex, self._actor = env, flexes[0], task.actor
         self._name = next(iter(task.scene.materials))
         self._static = static_solids.find(env.physics.model.ptr)
