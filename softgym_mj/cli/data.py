@@ -183,7 +183,8 @@ def _record(task: str, variations: Sequence[int], **how: Any) -> None:
         raise KeyboardInterrupt(f"{message}: the same command continues from them") from None
     episodes, steps, call = recording.make_format(how["format"]).summary(made)
     dropped = f"; dropped {len(variations) - episodes} without success"
+    plural = "s" * (episodes != 1)
     console.print(
-        f"{'recorded' if finished else 'exists already:'} {episodes} episodes, {steps} steps"
+        f"{'recorded' if finished else 'exists already:'} {episodes} episode{plural}, {steps} steps"
         f"{dropped if how['successful_only'] else ''}; {call}"
     )

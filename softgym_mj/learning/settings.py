@@ -12,10 +12,11 @@ from softgym_mj.validation import typed
 from softgym_mj.variations.indices import SPLITS
 
 OBSERVATIONS = ("reduced", "markov", "key_points", "full", "rgb")
-# Arguments of a task that trainings set, by the setting that sets them.
+# Arguments of a task that trainings set, and how.
 _OWN = {
-    "observation": "observation", "image_size": "image_size", "horizon": "episode_steps",
-    "actor": "actor", "split": "none: they learn from the training split",
+    "observation": "set this one by observation", "image_size": "set this one by image_size",
+    "horizon": "set this one by episode_steps", "actor": "set this one by actor",
+    "split": "learn from the training split",
 }  # fmt: skip
 
 
@@ -67,7 +68,7 @@ class TrainingSettings:
     def __post_init__(self):
         for name, own in _OWN.items():
             if name in self.arguments:
-                valid = f"other arguments of the task; trainings set this one by {own}"
+                valid = f"other arguments of the task; trainings {own}"
                 raise InvalidArgumentError("task settings", name, valid)
         find(self.task).check_arguments(self.arguments)
         if self.actor == find(self.task).resolve().actors[0]:
