@@ -15,7 +15,7 @@ from softgym_mj.fluid import Liquid, Resolution, Water
 from softgym_mj.parallel.executors import ProcessExecutor, SerialExecutor
 from softgym_mj.policies.rollouts import ExecutorRollouts
 from softgym_mj.robots.picker import Picker
-from softgym_mj.tasks import Measures, Task, TaskSettings, numbers, point, points
+from softgym_mj.tasks import Measures, Task, TaskSettings, anywhere, numbers, point, points
 
 DIMS = (12, 12)
 
@@ -81,6 +81,7 @@ BAD_METHODS = [
     ({"diagnostics": lambda self: {"variation": 5}}, r"\['variation'\].*without duplicates"),
     ({"bounds": lambda *_: (0.0, 0.0)}, r"bounds\(\)=\(0.0, 0.0\).*lower < upper"),
     ({"bounds": lambda *_: 1.0}, r"bounds\(\)=1.0"),
+    ({"reduced": lambda *_: [1.0]}, r"reduced\(\)=\[1.0\].*a dict from names to entries"),
     ({"reduced": lambda *_: {"a": np.zeros(2)}}, r"reduced\(\)\['a'\].*an entry: `numbers`"),
     (
         {"extra_state": lambda *_: {"a": np.zeros(2)}},
@@ -139,6 +140,8 @@ def test_the_start_is_above_the_floor():
         ({"view": "kitchen"}, {}, "view='kitchen'.*a View, or one of 'cloth', "),
         ({"view": ((0, 0, 1), (1, 0, 0, 0))}, {}, "view=.*a View, or one of 'cloth', "),
         ({"workspace": ((-1, -1, 0), (1, 1, 1))}, {}, r"workspace=.*a Workspace\("),
+        ({"symmetries": "same"}, {}, "symmetries='same'.*`anywhere` or `mirrored`"),
+        ({"symmetries": anywhere}, {}, "symmetries=.*`anywhere` or `mirrored`"),
         ({"material": "towel"}, {}, "kind='towel'.*'cloth', 'rope'"),
     ],
 )

@@ -92,6 +92,7 @@ class Task(Definition):
         """
         checks.check_objects(objects, tool is not None)
         checks.check_workspace(self.workspace)
+        checks.check_symmetries(self.symmetries)
         if start is None and type(self).arrange is Task.arrange:
             raise InvalidArgumentError("start", start, "a Start, or a method `arrange` of the task")
         self.start = start

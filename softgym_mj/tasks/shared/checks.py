@@ -16,6 +16,7 @@ from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.workspace import Workspace
 from softgym_mj.tasks.shared import entries as listed
 from softgym_mj.tasks.shared.entries import Entries
+from softgym_mj.tasks.shared.symmetry import Turned
 
 _NUMBERS = (float, int, np.floating, np.integer, np.bool_)  # A bool is an int.
 # Reserved names in info; other groups have a prefix.
@@ -47,6 +48,14 @@ def check_workspace(workspace: object) -> None:
     """Raises `InvalidArgumentError` unless it is a `Workspace`."""
     if not isinstance(workspace, Workspace):
         raise InvalidArgumentError("workspace", workspace, "a Workspace((x, y, z), (x, y, z))")
+
+
+def check_symmetries(symmetries: object) -> None:
+    """Raises `InvalidArgumentError` unless it is a sequence of `Turned`."""
+    turns = symmetries if isinstance(symmetries, Sequence) else [symmetries]
+    if not all(isinstance(each, Turned) for each in turns):
+        valid = "what `anywhere` or `mirrored` of softgym_mj.tasks returns: anywhere('same')"
+        raise InvalidArgumentError("symmetries", symmetries, valid)
 
 
 def checked_timestep(timestep: float | None, objects: Iterable[Flex | Water]) -> float:

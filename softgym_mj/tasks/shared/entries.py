@@ -53,6 +53,8 @@ def values(method: str, entries: Entries) -> list[Array]:
     Raises:
         InvalidArgumentError: for an item that is no entry.
     """
+    if not isinstance(entries, Mapping):
+        raise InvalidArgumentError(f"{method}()", entries, "a dict from names to entries")
     for name, entry in entries.items():
         if not isinstance(entry, Entry):
             valid = "an entry: `numbers`, `point` or `points` of softgym_mj.tasks"
