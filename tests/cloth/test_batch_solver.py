@@ -165,14 +165,17 @@ def _piles(number, room=1.0):
     return followed, solver
 
 
-def test_an_environment_that_is_not_finite_changes_no_other():
-    followed, solver = _piles(3)
+def test_an_environment_that_is_not_finite_or_has_no_model_changes_no_other():
+    followed, solver = _piles(4)
     solver.qvel[1, 7, 2] = np.nan
+    solver.models[2] = 0
+    before = solver.qpos[2].copy()
     for told in followed.steps(followed.actions(2, 0)):
-        solver.step(*(np.stack([array] * 3) for array in told))
+        solver.step(*(np.stack([array] * 4) for array in told))
     followed.check(solver, 0)
-    followed.check(solver, 2)
-    assert solver.flags.tolist() == [0, NOT_FINITE, 0]
+    followed.check(solver, 3)
+    assert solver.flags.tolist() == [0, NOT_FINITE, 0, 0]
+    np.testing.assert_array_equal(solver.qpos[2], before)  # It stands still.
 
 
 @pytest.mark.parametrize("turns", [0, 3])
@@ -217,16 +220,6 @@ def test_what_does_not_fit_is_refused():
         ClothBatchSolver(1, 40, 2).start(0, _model(rope))
     with pytest.raises(LifecycleError, match="no model"):
         ClothBatchSolver(1, 40, 2).get_state(0)
-
-
-def test_an_environment_without_a_model_stands_still():
-    followed, solver = _piles(3)
-    solver.models[1] = 0
-    before = solver.qpos[1].copy()
-    for told in followed.steps(followed.actions(1, 0)):
-        solver.step(*(np.stack([array] * 3) for array in told))
-    np.testing.assert_array_equal(solver.qpos[1], before)
-    followed.check(solver, 2)
 
 
 def test_states_do_not_depend_on_the_order_of_what_is_done_at_once():

@@ -148,24 +148,6 @@ def test_noise_is_larger_in_an_eighth():
     assert noise[1_400:].std().item() == pytest.approx(0.25, rel=0.15)
 
 
-@pytest.mark.long
-def test_it_learns_what_the_teacher_does():
-    settings = DistillSettings(**SMALL | {"hidden": (32,)}, updates=4, batch=64, rate=3e-3)
-    learner = Distill(settings, problem(env_steps=16 * 100), _teacher)
-    source = torch.Generator().manual_seed(0)
-    places = torch.linspace(-0.9, 0.9, 16)[None, :, None]
-    first = torch.ones(1, 16, dtype=bool)
-
-    def miss():
-        action, _ = learner.act(seen_at(places), first, None, explore=False)
-        return (action - _teacher(places)).abs().mean().item()
-
-    before = miss()
-    for _ in range(100):
-        _step(learner, 2.0 * torch.rand(1, 16, 1, generator=source) - 1.0, first)
-    assert before > 0.25 and miss() < 0.05
-
-
 @pytest.fixture(name="teacher", scope="module")
 def _saved_teacher(tmp_path_factory):
     """A file with a policy of `markov` observations of a rope."""

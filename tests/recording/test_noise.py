@@ -114,20 +114,6 @@ def test_episodes_have_noise_of_their_own():
     assert len(drawn) == 9
 
 
-def test_idle_steps_are_dropped_with_noise():
-    whole = next(iter(record(variations=(800,), noise=NOISE, dataset="whole-v0", **ROPE)))
-    short = next(
-        iter(record(variations=(800,), noise=NOISE, idle="drop", dataset="short-v0", **ROPE))
-    )
-    count = len(short.actions)
-    assert 10 < count < len(whole.actions)
-    for part in ("actions", "rewards"):
-        np.testing.assert_array_equal(getattr(short, part), getattr(whole, part)[:count])
-    labels = whole.infos["expert_action"][:count]
-    np.testing.assert_array_equal(short.infos["expert_action"], labels)
-    assert short.truncations.tolist() == [False] * (count - 1) + [True]
-
-
 def test_ids_tell_the_noise():
     assert dataset_name("lift", "scripted", noise=0.05) == "softgym_mj/lift/scripted-noise0-05-v0"
     dataset = record(variations=(0,), noise=0.05, horizon=2, actor="picker", **ROPE)

@@ -164,12 +164,19 @@ def test_only_successful_episodes():
         minari.get_normalized_score(dataset, np.zeros(1))
 
 
-def test_idle_steps_are_dropped():
-    whole = next(iter(record("straighten_rope", (800,), dataset="rope/whole-v0")))
-    short = next(iter(record("straighten_rope", (800,), dataset="rope/short-v0", idle="drop")))
+@pytest.mark.parametrize("noise", [0.0, 0.05])
+def test_idle_steps_are_dropped(noise):
+    (whole,), (short,) = (
+        record("straighten_rope", (800,), noise=noise, dataset=f"rope/{idle}-v0", idle=idle)
+        for idle in ("keep", "drop")
+    )
     count = len(short.actions)
-    assert 10 < count < 0.5 * len(whole.actions)
-    np.testing.assert_array_equal(short.actions, whole.actions[:count])
+    assert 10 < count < (1.0 if noise else 0.5) * len(whole.actions)
+    for part in ("actions", "rewards"):
+        np.testing.assert_array_equal(getattr(short, part), getattr(whole, part)[:count])
+    if noise:
+        labels = whole.infos["expert_action"][:count]
+        np.testing.assert_array_equal(short.infos["expert_action"], labels)
     assert short.truncations.tolist() == [False] * (count - 1) + [True]
     assert not short.terminations.any()
     for episode in (whole, short):

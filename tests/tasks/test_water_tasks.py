@@ -263,6 +263,13 @@ def test_particles_are_checked(transport):
             water.set_points(bad)
     with pytest.raises(InvalidArgumentError, match="velocities"):
         water.set_points(before, before[1:])
+    for far in (2e4, -1e300, np.inf, np.nan):
+        bad = before.copy()
+        bad[5, 1] = far
+        with pytest.raises(InvalidArgumentError, match=r"positions=.*-10000\.\.10000"):
+            water.set_points(bad)
+        with pytest.raises(InvalidArgumentError, match=r"velocities=.*-10000\.\.10000"):
+            water.set_points(before, far)
     np.testing.assert_array_equal(water.points(), before)
     assert not np.shares_memory(before, water.points())
     water.set_points(before, 0.25)
