@@ -39,7 +39,7 @@ ARMS: dict[str, dict[str, str]] = {
 # Variations of videos, else the task's example: where the policy ends badly there, leaves the image
 # or is done in few steps.
 VARIATIONS = {
-    "straighten_rope-sac": 979, "fold_cloth-sac": 805,
+    "straighten_rope-sac": 979, "fold_cloth-sac": 805, "fold_cloth-tqc": 805,
     "straighten_rope-distill": 979, "fold_cloth-distill": 805,
     "straighten_rope-distill_rgb": 999, "straighten_rope-teacher_student": 995,
     "route_cable-sac": 914, "straighten_rope-franka-sac": 803,
