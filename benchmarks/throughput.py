@@ -5,7 +5,6 @@ Rates are all steps over all seconds; the mean of the variations' own rates is g
 SoftGym's own figure, for comparison: 46 env steps/s with rendering on a 2080Ti.
 
     python benchmarks/throughput.py --out new.json
-    python benchmarks/throughput.py --compare old.json new.json
 
 The yardstick is the speed of dm_control's humanoid on the same core, between the tasks.
 """
@@ -23,8 +22,7 @@ import mujoco
 import numpy as np
 
 import softgym_mj
-from benchmarks.cloth import machine
-from benchmarks.cloth_worker import measure_yardstick
+from benchmarks.machine import machine, yardstick
 from softgym_mj.envs.environment import Environment
 from softgym_mj.rendering import framebuffer
 from softgym_mj.rendering.offscreen import CameraView
@@ -64,14 +62,11 @@ def _stopwatch_seconds(calls: int = 100_000) -> float:
     return (time.perf_counter() - start - clock.seconds) / calls
 
 
-def _env(task: str, actor: str | None) -> Environment:
-    settings = {} if actor is None else {"actor": actor}
-    return softgym_mj.load(task, split="evaluate", observation="reduced", **settings)
-
-
-def _random_actions(task: str, actor: str | None) -> Iterator[tuple]:
+def _random_actions(task: str, actor: str | None) -> Iterator[tuple[Environment, np.ndarray]]:
     """(environment, actions (steps, n)) at the start of an episode, for each variation."""
-    env, random = _env(task, actor), np.random.default_rng(0)
+    settings = {} if actor is None else {"actor": actor}
+    env = softgym_mj.load(task, split="evaluate", observation="reduced", **settings)
+    random = np.random.default_rng(0)
     kind = softgym_mj.TASKS[task].tags[-1]
     steps = min(STEPS[kind], env.horizon - 1)
     for variation in VARIATIONS[kind]:
@@ -96,15 +91,9 @@ def shares(task: str) -> dict[str, float]:
 
 def measure(task: str) -> dict[str, Any]:
     """Rates of one task with random actions."""
-    env = _env(task, None)
-    random = np.random.default_rng(0)
     stopwatch = _stopwatch_seconds()
     plain, timed, inside = [], 0.0, 0.0
-    kind = softgym_mj.TASKS[task].tags[-1]
-    steps = min(STEPS[kind], env.horizon - 1)
-    for variation in VARIATIONS[kind]:
-        env.reset(variation)
-        actions = random.uniform(-1, 1, (steps, *env.action_spec().shape))
+    for env, actions in _random_actions(task, None):
         snapshot = env.get_state()
         start = time.thread_time()
         for action in actions:
@@ -118,7 +107,7 @@ def measure(task: str) -> dict[str, Any]:
                 env.step(action)
             timed += time.perf_counter() - start - clock.calls * stopwatch
         inside += clock.seconds
-    rate = steps * len(plain) / sum(plain)
+    rate = len(actions) * len(plain) / sum(plain)
     view = CameraView("task", 128, 128)
     view.rgb(env.physics)
     start = time.perf_counter()
@@ -127,7 +116,7 @@ def measure(task: str) -> dict[str, Any]:
     images = IMAGES / (time.perf_counter() - start)
     return {
         "env_steps_per_second": rate,
-        "mean_of_variations_rates": float(np.mean([steps / seconds for seconds in plain])),
+        "mean_of_variations_rates": float(np.mean([len(actions) / seconds for seconds in plain])),
         "times_softgym": rate / SOFTGYM,
         "share_outside_mj_step": 1.0 - inside / timed,
         "images_128_per_second": images,
@@ -138,19 +127,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--tasks", nargs="+", choices=softgym_mj.TASKS, default=softgym_mj.TASKS)
     parser.add_argument("--out", type=pathlib.Path)
-    parser.add_argument("--compare", type=pathlib.Path, nargs=2, metavar=("OLD", "NEW"))
     arguments = parser.parse_args()
-    if arguments.compare:
-        old, new = (json.loads(file.read_text())["tasks"] for file in arguments.compare)
-        for task in old.keys() & new.keys():
-            old[task].pop("arms")
-            for name, value in old[task].items():
-                print(f"{task:18} {name:24} {value:9.3f} -> {new[task][name]:9.3f} "
-                      f"({new[task][name] / value:.2f} x)")  # fmt: skip
-        return
     results, yardsticks = {}, []
     for task in arguments.tasks:
-        yardsticks.append(measure_yardstick()["mj_steps/s"])
+        yardsticks.append(yardstick())
         results[task] = {**measure(task), "arms": shares(task)}
         print(task, results[task], flush=True)
     where = {**machine(), "mujoco": mujoco.__version__,

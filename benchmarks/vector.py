@@ -22,8 +22,7 @@ import gymnasium
 import numpy as np
 
 import softgym_mj
-from benchmarks.cloth import machine
-from benchmarks.cloth_worker import measure_yardstick
+from benchmarks.machine import machine, yardstick
 
 TASKS = ("straighten_rope", "spread_cloth", "transport_water")
 OBSERVATIONS = ("reduced", "rgb")
@@ -89,8 +88,7 @@ def main() -> None:
                 print(json.dumps(row), flush=True)
                 crowd.envs.close()
     if arguments.out:
-        speed = measure_yardstick()["mj_steps/s"]
-        where = {**machine(), "humanoid_mj_steps_per_second": speed}
+        where = {**machine(), "humanoid_mj_steps_per_second": yardstick()}
         arguments.out.write_text(json.dumps({"machine": where, "rows": rows}, indent=1) + "\n")
 
 
