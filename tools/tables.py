@@ -221,7 +221,7 @@ def main() -> None:
     for path, text in pages().items():
         path.write_text(text)
     plots.bars(read(False), DOCS / "results.png")
-    plots.curves(read(True), "horizon", DOCS / "horizon.png")
+    plots.curves(read(True), DOCS / "horizon.png")
     learned.draw(learned.rows(), learned.references(), learned.FIGURE)
 
 

@@ -109,9 +109,6 @@ def evaluate(
 
 def plot(
     results: Annotated[list[pathlib.Path], typer.Argument(help="result.json files or folders.")],
-    x: Annotated[
-        str | None, typer.Option(help="Draw curves over horizon, budget or replan_every.")
-    ] = None,
     out: Annotated[pathlib.Path, typer.Option(help="Picture to write.")] = pathlib.Path(
         "results.png"
     ),
@@ -127,10 +124,7 @@ def plot(
 
     read = comparison.read_results(results)
     rows = comparison.rows(read)
-    if x is None:
-        plots.bars(read, out)
-    else:
-        plots.curves(read, x, out)
+    plots.bars(read, out)
     if csv is not None:
         write_csv(csv, list(rows[0]), rows)
     if markdown:

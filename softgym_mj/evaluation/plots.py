@@ -1,4 +1,4 @@
-"""Figures of images and of results (bars by policy, curves over a planner's setting)."""
+"""Figures of images and of results (bars by policy, curves over a planner's horizon)."""
 
 import io
 import pathlib
@@ -9,10 +9,9 @@ import numpy as np
 
 from softgym_mj.evaluation.comparison import labels
 from softgym_mj.evaluation.statistics import quartiles_over
-from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_name, import_extra
+from softgym_mj.exceptions import InvalidArgumentError, check_name, import_extra
 from softgym_mj.storage.files import write_whole
 
-AXES = ("horizon", "budget", "replan_every")
 _LOWEST = -0.5  # Lower end of the axis; worse policies would compress the others.
 _MARGIN = 0.05  # Between the highest score and the upper end of the axis.
 _PICTURE, _TITLE = 2.4, 0.3  # Heights of a picture of `show` and of its title [inches].
@@ -89,22 +88,19 @@ def bars(results: Sequence[Mapping], file: pathlib.Path) -> None:
     _save(figure, file)
 
 
-def curves(results: Sequence[Mapping], axis: str, file: pathlib.Path) -> None:
-    """Draws a curve for each task and planner over a setting of the planner, one of `AXES`."""
-    check_name("x", axis, AXES)
+def curves(results: Sequence[Mapping], file: pathlib.Path) -> None:
+    """Draws a curve for each task and planner over the planning horizon."""
     lines: dict[tuple[str, str], list[tuple[float, ...]]] = {}
     for result in results:
-        if result["planning"] is None:
-            raise StoreError(f"{result['policy']!r} does not plan: it has no {axis}")
         key = result["task"], result["policy"]
-        lines.setdefault(key, []).append((result["planning"][axis], *_quartiles(result)))
+        lines.setdefault(key, []).append((result["planning"]["horizon"], *_quartiles(result)))
     figure = new_figure(5.0, 3.4)
     axes = figure.subplots()
     for (task, policy), points in lines.items():
         x, median, low, high = np.array(sorted(points)).T
         (line,) = axes.plot(x, median, marker="o", label=f"{task}, {policy}")
         axes.fill_between(x, low, high, color=line.get_color(), alpha=0.2, linewidth=0)
-    axes.set_xlabel(f"planning {axis} [env steps]")
+    axes.set_xlabel("planning horizon [env steps]")
     axes.set_ylabel(_score(results), fontsize="small")
     axes.legend(fontsize="small", frameon=False)
     _save(figure, file)

@@ -163,7 +163,7 @@ COMMANDS: dict[str, tuple[dict[str, str], list[str]]] = {
                  ["--policy", "--actor", "--grasp", "--split", "--episodes", "--variations",
                   "--seeds", "--horizon", "--budget", "--iterations", "--replan-every",
                   "--task-settings", "--jobs", "--out"]),
-    "plot": ({"--out": "x.png"}, ["--x", "--out", "--csv"]),
+    "plot": ({"--out": "x.png"}, ["--out", "--csv"]),
     "generate": ({"--num": "1", "--start": "3", "--fidelity": "fast"},
                  ["--start", "--num", "--jobs", "--fidelity"]),
     "record": ({"--episodes": "1", "--policy": "zero"},

@@ -110,14 +110,10 @@ def test_figures_are_drawn_from_results(tmp_path, three):
 
     read = comparison.read_results(three)
     plots.bars(read, tmp_path / "bars.png")
-    plots.curves(read[1:], "horizon", tmp_path / "curves.png")
+    plots.curves(read[1:], tmp_path / "curves.png")
     for name in ("bars.png", "curves.png"):
         picture = imageio.imread(tmp_path / name)
         assert picture.shape[0] > 300 and len(np.unique(picture[..., 0])) > 20
-    with pytest.raises(StoreError, match="does not plan"):
-        plots.curves(read, "horizon", tmp_path / "x.png")
-    with pytest.raises(InvalidArgumentError, match="x='color'"):
-        plots.curves(read, "color", tmp_path / "x.png")
     with pytest.raises(InvalidArgumentError, match=r"'\.xyz'.*'\.png'"):
         plots.bars(read, tmp_path / "bars.xyz")
 
