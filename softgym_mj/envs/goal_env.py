@@ -8,9 +8,9 @@ from gymnasium.utils import RecordConstructorArgs
 
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.tasks.shared.goals import depends_on_goal, goals
+from softgym_mj.tasks.shared.goals import Goals, depends_on_goal, goals
 from softgym_mj.tasks.shared.observations import STATES
-from softgym_mj.validation import as_array
+from softgym_mj.validation import as_array, as_shaped
 
 
 class GoalEnv(gymnasium.Wrapper, RecordConstructorArgs):
@@ -37,16 +37,16 @@ class GoalEnv(gymnasium.Wrapper, RecordConstructorArgs):
         own = env.unwrapped
         if not isinstance(own, SoftGymEnv):
             raise InvalidArgumentError("env", own, "an environment of softgym_mj")
-        self._env = own.dm_env
-        self._goals = goals(self._env.name, self._env.task)
-        names = [*self._env.observation_spec()]
+        task, names = own.dm_env.task, [*own.dm_env.observation_spec()]
+        self._goals()
         if len(names) > 1 or not isinstance(env.observation_space, gymnasium.spaces.Box):
             raise InvalidArgumentError("observation", names, "a single observation")
         self._kept: Any = ...  # Images do not contain the goal.
         if names[0] in STATES:
-            self._kept = np.flatnonzero(~depends_on_goal(self._env.task, names[0]))
+            self._kept = np.flatnonzero(~depends_on_goal(task, names[0]))
         seen = env.observation_space
         size = self._both()["desired_goal"].shape
+        (self._size,) = size
         self.observation_space = gymnasium.spaces.Dict(
             {
                 "achieved_goal": gymnasium.spaces.Box(-np.inf, np.inf, size, np.float64),
@@ -76,16 +76,31 @@ class GoalEnv(gymnasium.Wrapper, RecordConstructorArgs):
 
         Returns:
             A number, or (n,).
+
+        Raises:
+            InvalidArgumentError: for goals of another shape, or that are not finite.
         """
-        goals = {"achieved_goal": achieved_goal, "desired_goal": desired_goal}
-        return self._goals.reward(*(as_array(name, goal) for name, goal in goals.items()))
+        achieved, size = as_array("achieved_goal", achieved_goal), self._size
+        if achieved.ndim not in (1, 2) or achieved.shape[-1] != size:
+            valid = f"({size},) or (n, {size})"
+            raise InvalidArgumentError("achieved_goal.shape", achieved.shape, valid)
+        desired = as_shaped("desired_goal", desired_goal, achieved.shape)
+        for name, goal in (("achieved_goal", achieved), ("desired_goal", desired)):
+            if goal.dtype.kind not in "fiu" or not np.isfinite(goal).all():
+                raise InvalidArgumentError(name, goal, "finite numbers")
+        return self._goals().reward(achieved, desired)
+
+    def _goals(self) -> Goals:
+        own: Any = self.unwrapped  # Copies of this wrapper have another one.
+        return goals(own.dm_env.name, own.dm_env.task)
 
     def _seen(self, observation: np.ndarray) -> dict[str, np.ndarray]:
         return {**self._both(), "observation": observation[self._kept]}
 
     def _both(self) -> dict[str, np.ndarray]:
-        state, episode = self._env.task.state(), self._env.task.episode
+        own = self._goals()
+        state, episode = own.task.state(), own.task.episode
         return {
-            "achieved_goal": self._goals.achieved(state, episode),
-            "desired_goal": self._goals.desired(state, episode),
+            "achieved_goal": own.achieved(state, episode).copy(),
+            "desired_goal": own.desired(state, episode).copy(),
         }

@@ -1,8 +1,11 @@
 """Goals beside observations: rewards of both are the environment's."""
 
+import copy
+
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.utils import env_checker
 from stable_baselines3.common.env_checker import check_env
 
 import softgym_mj
@@ -55,9 +58,43 @@ def test_observations_lack_the_goal(observation):
     env.close()
 
 
-def test_stable_baselines3_finds_nothing_wrong():
+def test_checkers_find_nothing_wrong():
     env = _made(ROPE, horizon=8)
     check_env(env)
+    env_checker.check_env(env, skip_render_check=True)
+    env.close()
+
+
+def test_copies_have_goals_of_their_own():
+    env = _made(ROPE)
+    env.reset(options={"variation": 3})
+    other = copy.deepcopy(env)
+    state = env.unwrapped.get_state()
+    env.reset(options={"variation": 4})  # Of the first one only.
+    action = env.action_space.sample()
+    seen, reward, *_ = other.step(action)
+    env.reset(options={"state": state})
+    for name, expected in env.step(action)[0].items():
+        np.testing.assert_array_equal(seen[name], expected)
+    assert reward == other.compute_reward(seen["achieved_goal"], seen["desired_goal"], {})
+    env.close(), other.close()
+
+
+@pytest.mark.parametrize(
+    ("achieved", "desired", "message"),
+    [
+        (np.zeros(3), np.zeros(3), r"achieved_goal.shape=\(3,\) is not valid: expected \(93,\)"),
+        (np.zeros((2, 93)), np.zeros((1, 93)), r"desired_goal.shape=\(1, 93\).*\(2, 93\)"),
+        (np.zeros((1, 1, 93)), np.zeros((1, 1, 93)), r"achieved_goal.shape=\(1, 1, 93\)"),
+        (np.zeros(93), np.full(93, np.nan), "(?s)desired_goal=.*finite numbers"),
+        (["a"] * 93, np.zeros(93), "(?s)achieved_goal=.*finite numbers"),
+        (None, None, r"achieved_goal.shape=\(\)"),
+    ],
+)
+def test_wrong_goals_are_refused(achieved, desired, message):
+    env = _made(ROPE)
+    with pytest.raises(InvalidArgumentError, match=message):
+        env.compute_reward(achieved, desired, {})
     env.close()
 
 
