@@ -29,6 +29,7 @@ REFUSED = {
     "observations": ["train", "sac", ROPE, "--device", "host", "--observation", "reduced,held"],
     "published outside of a clone": ["evaluate", ROPE, "--policy", "straighten_rope-sac"],
     "more episodes than variations": ["record", ROPE, "--episodes", "900"],
+    "policy of a viewer": ["view", ROPE, "--browser", "--port", "0", "--policy", "teleop"],
     "markup of a task": ["rollout", "[/b]"],
     "markup of a number": ["rollout", ROPE, "--episodes", "[/b]"],
     "markup of a folder": ["identify", "cloth", "nowhere[/b]"],
@@ -44,6 +45,7 @@ WORDS = {
     "architecture": ["architecture='3'", "'90'"], "markup of a task": ["[/b]"],
     "published outside of a clone": ["policy='straighten_rope-sac'", "Results"],
     "more episodes than variations": ["episodes=900", "1..800"],
+    "policy of a viewer": ["policy='teleop'", "'teleoperate'"],
     "markup of a number": ["--episodes"], "markup of a folder": ["[/b]"],
 }  # fmt: skip
 
