@@ -58,9 +58,11 @@ def _bound(renderer: Callable[..., Any]) -> Callable[..., Any]:
 class _MjrContext(wrapper.MjrContext):
     """MuJoCo's rendering context, freed together with its OpenGL context."""
 
+    _ptr: Callable[[], Any] | None = None  # Stays None if the constructor fails.
+
     def free(self) -> None:
-        """Frees the context unless another thread owns it."""
-        if self._gl_context and not self._gl_context.is_elsewhere:
+        """Frees the context if it was made, unless another thread owns it."""
+        if self._ptr and self._gl_context and not self._gl_context.is_elsewhere:
             super().free()
 
 

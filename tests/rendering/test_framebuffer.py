@@ -1,6 +1,8 @@
 """The off-screen buffer has the size of the largest image, and no image depends on it."""
 
 import concurrent.futures
+import gc
+import sys
 
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ import pytest
 import softgym_mj
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import UnavailableError
+from softgym_mj.rendering import framebuffer
 from softgym_mj.rendering.offscreen import LARGEST_IMAGE, CameraView
 
 SMALL, LARGE = (24, 32), (120, 90)
@@ -34,6 +37,23 @@ def _env():
     env.reset(800)
     yield env
     env.close()
+
+
+def test_a_context_that_cannot_be_made_is_freed_silently(monkeypatch):
+    """As with MUJOCO_GL=glfw and no display."""
+
+    class NoContext:
+        is_elsewhere = terminated = False
+
+        def make_current(self):
+            raise RuntimeError("no OpenGL")
+
+    unraisable = []
+    monkeypatch.setattr(sys, "unraisablehook", unraisable.append)
+    with pytest.raises(RuntimeError, match="no OpenGL"):
+        framebuffer._MjrContext(None, NoContext())
+    gc.collect()
+    assert unraisable == []
 
 
 def test_it_grows(env):
