@@ -8,7 +8,7 @@ CACHE_VARIABLE = "SOFTGYM_MJ_CACHE"
 
 def cache_folder() -> pathlib.Path:
     """Returns the cache folder: $SOFTGYM_MJ_CACHE or ~/.cache/softgym_mj."""
-    if CACHE_VARIABLE in os.environ:
-        return pathlib.Path(os.environ[CACHE_VARIABLE])
+    if chosen := os.environ.get(CACHE_VARIABLE):
+        return pathlib.Path(chosen)
     root = os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache"
     return pathlib.Path(root) / "softgym_mj"

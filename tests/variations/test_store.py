@@ -40,8 +40,10 @@ def test_load_reads_what_is_stored(store, initializer):
 def test_cache_folder(tmp_path, monkeypatch):
     monkeypatch.setenv("SOFTGYM_MJ_CACHE", str(tmp_path / "a"))
     assert cache_folder() == tmp_path / "a"
-    monkeypatch.delenv("SOFTGYM_MJ_CACHE")
+    monkeypatch.setenv("SOFTGYM_MJ_CACHE", "")  # As if it were not set.
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "b"))
+    assert cache_folder() == tmp_path / "b" / "softgym_mj"
+    monkeypatch.delenv("SOFTGYM_MJ_CACHE")
     assert cache_folder() == tmp_path / "b" / "softgym_mj"
     monkeypatch.delenv("XDG_CACHE_HOME")
     monkeypatch.setenv("HOME", str(tmp_path / "c"))
