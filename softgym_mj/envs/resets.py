@@ -58,6 +58,8 @@ def checked_state(state: Any) -> tuple[Snapshot, Mapping[str, Any]]:
         check_type("snapshot", snapshot, Snapshot)
     except (LookupError, TypeError, ValueError, OverflowError) as error:
         reason = f"expected what `get_state` returned, not {brief(state)}"
+        if isinstance(state, Snapshot):
+            reason += "; it is of softgym_mj.load: its `set_state` restores it"
         raise SnapshotError(reason) from error
     return snapshot, generator
 

@@ -290,6 +290,8 @@ def test_bad_input_in_gymnasium_changes_nothing():
         gym.step(BAD_ACTIONS["nan"][0])
     with pytest.raises(exceptions.SnapshotError):
         gym.unwrapped.set_state(other.get_state())
+    with pytest.raises(exceptions.SnapshotError, match=r"of softgym_mj.load: its `set_state`"):
+        gym.unwrapped.set_state(gym.unwrapped.dm_env.get_state())
     with pytest.raises(exceptions.InvalidArgumentError) as error:
         gym.reset(options={"index": 3})
     assert_says(error, "options key='index'", "'variation'")
