@@ -85,7 +85,9 @@ def read_submission(folder: pathlib.Path) -> Submission:
         if not (folder / POLICY.format(seed=seed)).is_file():
             raise StoreError(f"{folder} has no {POLICY.format(seed=seed)}, the policy of this seed")
     seen = training["observation"]
-    replay = str(training.get("replay", "plain"))
+    own = card.get("settings")  # Of a method of this package.
+    is_symmetric = isinstance(own, dict) and own.get("symmetric") is True
+    replay = str(training.get("replay", "symmetric" if is_symmetric else "plain"))
     configuration = Configuration(
         training["task"],
         str(folder / POLICY),

@@ -88,6 +88,12 @@ def test_rows_have_the_actor_of_the_card(folder):
     assert own.configuration.settings == {"observation": "reduced", "actor": "franka"}
 
 
+def test_rows_of_own_trainings_keep_their_replay(folder):
+    for settings, replay in (({"symmetric": True}, "symmetric"), ({}, "plain"), (None, "plain")):
+        _write_card(folder, settings=settings)
+        assert submission.read_submission(folder).name == OWN._replace(replay=replay)
+
+
 def test_rows_are_what_episodes_played_one_by_one_score(folder):
     _write_card(folder)
     assert "seed 1: " in _submit(folder)
