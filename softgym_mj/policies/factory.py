@@ -7,6 +7,7 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import check_count, check_name
 from softgym_mj.policies.exported import Policy
 from softgym_mj.policies.saved import is_saved, make_saved, takes_seed
+from softgym_mj.validation import check_type
 
 SIMPLE = ("scripted", "random", "zero")
 _SEED_KEY = 0x52414E44  # Separates the random policy's random numbers from others.
@@ -38,6 +39,7 @@ def make_policy(name: str, env: Environment, seed: int = 0, *, trust: bool = Fal
             `trust`, or "scripted" for a task without an expert.
         StoreError: for a file that cannot be read.
     """
+    check_type("policy", name, str)
     if is_saved(name):
         return make_saved(name, env, seed, trust)
     check_name("policy", name, (*SIMPLE, "FILE.pt2", "MODULE:FUNCTION"))

@@ -213,3 +213,9 @@ def test_policies_of_images_name_their_size_and_others_nothing(tmp_path):
         archive.writestr(f"archive/extra/{NOTE}", "{}")
     with pytest.raises(InvalidArgumentError, match="its observation cannot be read"):
         observes(none)
+
+
+@pytest.mark.parametrize("name", [5, None, zip])
+def test_policies_have_names(name):
+    with pytest.raises(InvalidArgumentError, match=r"policy=.*expected a string"):
+        make_policy(name, softgym_mj.load("straighten_rope"))
