@@ -86,6 +86,8 @@ def results() -> str:
             "`teacher_student` jumps where its teacher ends: the student, which is scored, learns "
             "from then on only."
         )
+    if "\u2020" in found:
+        found += " \u2020: trained before the task's initial states changed."
     return found
 
 
@@ -101,25 +103,31 @@ def others() -> str:
     return table(f"| task | {titles} |", lines)
 
 
-def overview() -> str:
-    """The README's matrix, with its caption."""
+def overview(docs: str) -> str:
+    """The matrix of a page from which `docs` leads to the folder docs, with its caption."""
     found = matrix()
-    stale = (
-        " \u2020: measured before the task's initial states changed." if "\u2020" in found else ""
+    stale = " \u2020: measured before the task's initial states changed." if "\u2020" in found else ""
+    lines = (
+        "*Cell*: median (quartiles) over five seeds unless it names another number, method, and "
+        f"[share of successes]({docs}glossary.md). It is the method with the best held-out score "
+        f"of its column, which makes cells slightly optimistic.{stale} Empty: not published.",
+        "*No action*: mean over the same 200 variations. It is above 0 where the start lies above "
+        "the lower bound (`straighten_rope`) or grippers release the cloth (`drop_cloth`, "
+        "`drop_fold_cloth`).",
+        "*Proprioception*: what the actor senses of itself; with grippers also whether each holds "
+        "the material.",
+        "*Distillation*: a student imitates a "
+        f"[published state policy]({docs}results.md#policies), so it can exceed the median of its "
+        "teacher's training. Students of `rope_configuration`, `drop_fold_cloth` and `fold_shirt` "
+        f"imitate a [hand-written expert]({docs}learning.md#from-a-state-policy-to-an-image-policy)"
+        ".",
+        "*CEM*: plans with the true dynamics and learns nothing; ten episodes.",
+        "Settings of `fold_cloth` and `drop_cloth` were chosen by held-out scores, which makes "
+        "these rows optimistic.",
     )
     return found and found + (
-        "\n\nNormalized performance on held-out variations: last checkpoint, median (quartiles) "
-        "over five seeds unless the cell names another number, and the share of successful "
-        "episodes ([terms](docs/glossary.md)). Proprioception includes whether each gripper "
-        "holds the material. Students (*distillation*) of `rope_configuration`, `drop_fold_cloth` "
-        "and `fold_shirt` imitate a hand-written expert, others a published state policy (so they "
-        "can exceed the median of its training). *No action*: mean over the same 200 variations; "
-        "above 0 where the start lies above the lower bound (`straighten_rope`) or grippers "
-        "release the cloth (`drop_cloth`, `drop_fold_cloth`). Settings of `fold_cloth` and "
-        "`drop_cloth` were chosen by held-out scores, so theirs are optimistic. CEM plans with "
-        "the true dynamics and learns nothing (ten episodes). Empty cells have no published run "
-        "of that budget."
-        f"{stale} [All methods, observations, budgets, curves and policies](docs/results.md)."
+        "\n\nNormalized performance of the last checkpoint at the last step of held-out "
+        "variations.\n\n" + "\n".join(f"- {line}" for line in lines)
     )
 
 

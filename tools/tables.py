@@ -137,11 +137,12 @@ def overview(scores: experts.Scores) -> str:
         page = f"[`{name}`](docs/tasks/{name}.md)"
         thousand = gpu["rates"].get(name, {}).get("1056")
         fast = f"{thousand['env_steps_per_s']:,.0f}" if thousand else "not yet measured"
-        row = page, record.tags[0], record.summary, played, rate, fast
+        success = f"{record.resolve().success:g}"
+        row = page, record.tags[0], record.summary, success, played, rate, fast
         rows.append(f"| {' | '.join(row)} |")
     card = gpu["machine"]["gpu"].split()[1]  # "NVIDIA H100 80GB HBM3" is an H100.
-    head = f"| task | level | goal | scripted expert | env steps/s, one core | one {card} |"
-    return table(head, rows)
+    titles = "level | goal | success at | scripted expert | env steps/s, one core"
+    return table(f"| task | {titles} | one {card} |", rows)
 
 
 def beyond(scores: experts.Scores) -> str:
@@ -150,9 +151,12 @@ def beyond(scores: experts.Scores) -> str:
     for name in task_names(PLUS):
         level, material = TASKS[name].tags
         played = [score(scores[name][actor]) for actor in ("default", "franka")]
-        row = f"[`{name}`](tasks/{name}.md)", level, material, TASKS[name].summary, *played
+        record, page = TASKS[name], f"[`{name}`](tasks/{name}.md)"
+        success = f"{record.resolve().success:g}"
+        row = page, level, material, record.summary, success, *played
         rows.append(f"| {' | '.join(row)} |")
-    return table("| task | level | material | goal | expert, pickers | expert, Franka |", rows)
+    titles = "level | material | goal | success at | expert, pickers | expert, Franka"
+    return table(f"| task | {titles} |", rows)
 
 
 def parameters() -> str:
@@ -167,11 +171,16 @@ def parameters() -> str:
     rows = []
     for p, names in tasks.items():
         label = next((group for group, members in groups.items() if members == names), None)
-        usual, valid = (f"{low:.3g} to {high:.3g}" for low, high in (p.usual, p.valid))
+        usual, valid = (f"{_short(low)} to {_short(high)}" for low, high in (p.usual, p.valid))
         label = label or ", ".join(f"`{name}`" for name in names)
-        row = label, f"`{p.name}`", p.kind, p.unit, f"{p.nominal:.3g}", usual, valid, p.summary
+        row = label, f"`{p.name}`", p.kind, p.unit, _short(p.nominal), usual, valid, p.summary
         rows.append(f"| {' | '.join(row)} |".replace("|  |", "| |"))
     return table("| task | parameter | kind | unit | nominal | usual | valid | what it is |", rows)
+
+
+def _short(value: float) -> str:
+    """Returns a number with three digits, or all before the point."""
+    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"
 
 
 def stills() -> str:
@@ -187,7 +196,8 @@ def pages() -> dict[pathlib.Path, str]:
     """Returns the text of each page with current tables."""
     scores: experts.Scores = measured("experts")
     named: tuple[tuple[pathlib.Path, dict[str, Callable[[], str]]], ...] = (
-        (ROOT / "README.md", {"learned": learned.overview, "tasks": lambda: overview(scores),
+        (ROOT / "README.md", {"learned": lambda: learned.overview("docs/"),
+                              "tasks": lambda: overview(scores),
                               "reality": reality_table.summary}),
         (DOCS / "robots.md", {"speed": arm_speeds}),
         (DOCS / "softgym_plus.md", {"tasks": lambda: beyond(scores)}),
@@ -200,7 +210,7 @@ def pages() -> dict[pathlib.Path, str]:
         (DOCS / "custom_tasks.md", {"grasps": grasp_table.grasps}),
         (DOCS / "recipes.md", {"lerobot": lerobot_table.scores}),
         (DOCS / "validation.md", {"experts": lambda: experts.table(scores)}),
-        (DOCS / "results.md", {"commands": published_commands.commands, "overview": learned.matrix,
+        (DOCS / "results.md", {"commands": published_commands.commands, "overview": lambda: learned.overview(""),
                                "learned": learned.results, "others": learned.others}),
     )  # fmt: skip
     texts = {}
