@@ -30,9 +30,10 @@ def summary() -> str:
         f"| {_range(cloth['cloth, identified'])} |",
         f"| a dam break onto a box, {len(level)} gauges, 7 s | height, rms over depth [%] "
         f"| {_range(level)} | {_range(_water(_BOX, 'H.'))} | |",
-        f"| {len(_FRONTS)} dam breaks, up to the wall "
-        f"| front, rms at recorded times, after the delay of its release [%] "
-        f"| | {_range(_water(_FRONTS, 'front'))}, {_range(_water(_FRONTS, 'front .*'))} | |",
+        f"| {len(_FRONTS)} dam breaks, up to the wall | position of the front, rms [%] "
+        f"| | {_range(_water(_FRONTS, 'front'))} | |",
+        f"| the same, without the delay of the gate's release | position of the front, rms [%] "
+        f"| | {_range(_water(_FRONTS, 'front .*'))} | |",
         f"| {len(_TANKS)} sloshing tanks | period, amplitude [%] "
         f"| | {_range(_water(_TANKS, 'period'))}, {_range(_water(_TANKS, 'amplitude'))} | |",
     ]

@@ -32,7 +32,7 @@ from softgym_mj.parallel.executors import make_executor
 from softgym_mj.registry import find
 from softgym_mj.vector.make import DEVICES
 
-_CPU_PRESET = "night"  # Small networks that learn in hours on a CPU.
+_CPU_PRESET = "night"  # Small networks that learn in about an hour on a CPU core.
 
 
 def train(
