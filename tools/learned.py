@@ -106,7 +106,9 @@ def others() -> str:
 def overview(docs: str) -> str:
     """The matrix of a page from which `docs` leads to the folder docs, with its caption."""
     found = matrix()
-    stale = " \u2020: measured before the task's initial states changed." if "\u2020" in found else ""
+    stale = (
+        " \u2020: measured before the task's initial states changed." if "\u2020" in found else ""
+    )
     lines = (
         "*Cell*: median (quartiles) over five seeds unless it names another number, method, and "
         f"[share of successes]({docs}glossary.md). It is the method with the best held-out score "

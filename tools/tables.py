@@ -210,8 +210,8 @@ def pages() -> dict[pathlib.Path, str]:
         (DOCS / "custom_tasks.md", {"grasps": grasp_table.grasps}),
         (DOCS / "recipes.md", {"lerobot": lerobot_table.scores}),
         (DOCS / "validation.md", {"experts": lambda: experts.table(scores)}),
-        (DOCS / "results.md", {"commands": published_commands.commands, "overview": lambda: learned.overview(""),
-                               "learned": learned.results, "others": learned.others}),
+        (DOCS / "results.md", {"overview": lambda: learned.overview(""), "learned": learned.results,
+                               "commands": published_commands.commands, "others": learned.others}),
     )  # fmt: skip
     texts = {}
     for path, tables in named:

@@ -163,12 +163,12 @@ def test_the_overview_is_there_once_something_was_learned(monkeypatch):
     ]
     monkeypatch.setattr(learned, "rows", lambda: planned)
     monkeypatch.setattr(learned, "idle", lambda: {"fold_cloth": 0.25})
-    assert learned.overview() == ""
+    assert learned.overview("docs/") == ""
     worse = [
         dataclasses.replace(row, replay="plain", normalized_performance=0.1) for row in _training()
     ]
     monkeypatch.setattr(learned, "rows", lambda: [*planned, *worse, *_training()])
-    head, _, *rows = learned.overview().splitlines()[:4]
+    head, _, *rows = learned.overview("docs/").splitlines()[:4]
     images = "on images + proprioception | on images alone"
     assert head == f"| task | no action | policy on states | {images} | CEM |"
     best = "0.50 (0.40 to 0.90)<br>SAC; success 0.40"
@@ -178,12 +178,12 @@ def test_the_overview_is_there_once_something_was_learned(monkeypatch):
     ]
     alone = [row for row in _training() if not row.seed]
     monkeypatch.setattr(learned, "rows", lambda: alone)
-    assert "SAC, 1 seed; success" in learned.overview()
+    assert "SAC, 1 seed; success" in learned.overview("docs/")
     for observation, cells in (("rgb+held", "| | {} | | |"), ("rgb", "| | | {} | |")):
         image = [dataclasses.replace(row, observation=observation) for row in _training()]
         monkeypatch.setattr(learned, "rows", lambda image=image: image)
         best = "0.50 (0.40 to 0.90)<br>SAC; success 0.40"
-        assert cells.format(best) in learned.overview()
+        assert cells.format(best) in learned.overview("docs/")
 
 
 def test_what_doing_nothing_scores_is_of_all_held_out_variations():
