@@ -3,19 +3,19 @@
 import ast
 import pathlib
 
-from tools.architecture import FLOORS
+from tools.architecture import LAYERS
 
 PACKAGE = pathlib.Path(__file__).parent.parent / "softgym_mj"
-FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
+LAYER = {package: layer for layer, packages in enumerate(LAYERS) for package in packages}
 
 
-def room(module: str) -> str:
+def package(module: str) -> str:
     """Folder or root module that a dotted name is in."""
     return (*module.split("."), "__init__")[1]
 
 
 def imported(file: pathlib.Path) -> set[str]:
-    """The rooms that a file imports from, within functions and for types, too."""
+    """The packages that a file imports from, within functions and for types, too."""
     names = set()
     for node in ast.walk(ast.parse(file.read_text())):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("softgym_mj"):
@@ -23,7 +23,7 @@ def imported(file: pathlib.Path) -> set[str]:
             names |= {node.module} if inner else {f"softgym_mj.{a.name}" for a in node.names}
         elif isinstance(node, ast.Import):
             names |= {a.name for a in node.names if a.name.split(".")[0] == "softgym_mj"}
-    return {room(name) if room(name) in FLOOR else "__init__" for name in names}
+    return {package(name) if package(name) in LAYER else "__init__" for name in names}
 
 
 def test_imports_run_one_way():
@@ -33,15 +33,15 @@ def test_imports_run_one_way():
         wrong += [
             f"{file.relative_to(PACKAGE)} imports {other}"
             for other in sorted(imported(file) - {own})
-            if FLOOR[other] >= FLOOR[own]
+            if LAYER[other] >= LAYER[own]
         ]
     assert not wrong
 
 
 def test_everything_has_a_floor():
-    rooms = {path.stem for path in PACKAGE.glob("*.py")}
-    rooms |= {path.parent.name for path in PACKAGE.glob("*/__init__.py")}
-    assert rooms == set(FLOOR)
+    packages = {path.stem for path in PACKAGE.glob("*.py")}
+    packages |= {path.parent.name for path in PACKAGE.glob("*/__init__.py")}
+    assert packages == set(LAYER)
 
 
 def test_the_root_has_few_modules():

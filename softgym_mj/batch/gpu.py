@@ -62,9 +62,10 @@ def _core() -> Any:
     return cuda.core
 
 
-def _source(room: str, file: str) -> str:
+def _source(package: str, file: str) -> str:
     """Returns the complete source of a kernel, from which the cache key is computed."""
-    headers = (each for name in ("native", "batch", room) for each in (_FOLDER / name).rglob("*.h"))
+    folders = (_FOLDER / name for name in ("native", "batch", package))
+    headers = (each for folder in folders for each in folder.rglob("*.h"))
     files = {*headers, *(_FOLDER / "batch" / "cuda").iterdir()}
     return "".join(each.read_text() for each in [*sorted(files), _FOLDER / file])
 
@@ -76,13 +77,13 @@ def compiled(name: str, architecture: str) -> bytes:
         UnavailableError: If CUDA's Python packages are not installed.
     """
     check_name("name", name, KERNELS)
-    core, (room, file, own) = _core(), KERNELS[name]
+    core, (package, file, own) = _core(), KERNELS[name]
     kind = name.partition("_")[0]
     threads, blocks = BLOCKS[kind]
     macros = [("SGM_THREADS", str(threads)), ("SGM_BLOCKS", str(blocks)), *own.items()]
     macros += [("SGM_HALVES", "1")] * (kind in HALVED)
     settings = {**_OPTIONS, "define_macro": macros}
-    key = hashlib.sha256(f"{_source(room, file)}{settings}".encode()).hexdigest()[:16]
+    key = hashlib.sha256(f"{_source(package, file)}{settings}".encode()).hexdigest()[:16]
     check_name("architecture", architecture, _architectures())
     kept = cache_folder() / "kernels" / f"{name}-sm_{architecture}-{key}.cubin"
     if not kept.exists():

@@ -207,4 +207,4 @@ def test_the_picture_of_the_folders_is_theirs():
     page = (ROOT / "docs" / "architecture.md").read_text()
     listed = re.findall(r"^\*\*`(\w+)`\*\*", page, re.MULTILINE)
     assert len(listed) == len(set(listed))
-    assert set(listed) == {room for floor in architecture.FLOORS for room in floor} - {"__init__"}
+    assert set(listed) == {name for layer in architecture.LAYERS for name in layer} - {"__init__"}
