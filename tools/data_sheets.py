@@ -158,7 +158,7 @@ def sheet(name: str) -> str:
     sizes = (f"`{key}` {spec.shape[0]}" for key, spec in env.observation_spec().items())
     parts = [
         f"# {name}\n",
-        f"{record.summary} [What the tasks share](../interface.md).\n",
+        f"{record.summary} [Observations, actions and info](../interface.md).\n",
         f"![The scripted expert](../videos/{name}.webp)\n",
         table(("property", "value"), facts.items()),
         "## Goal and reward\n",

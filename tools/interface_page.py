@@ -1,11 +1,13 @@
 """The page docs/interface.md: what all tasks have in common, read from the tasks."""
 
+import math
 import pathlib
 from collections.abc import Iterator
 
 from softgym_mj.envs.load import load
 from softgym_mj.registry import TASKS
 from softgym_mj.rendering.observables import WRIST_RGB
+from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.gripper import HELD
 from softgym_mj.robots.pick_and_place import PixelPickAndPlace
 from softgym_mj.tasks import Task
@@ -13,7 +15,7 @@ from softgym_mj.tasks.shared.observations import GOAL_RGB, OBSERVATIONS
 from tools.sheet_entries import COMMON, INFO, action_table, actors_of, entry_table, own_keys, table
 
 FILE = pathlib.Path(__file__).parent.parent / "docs" / "interface.md"
-INTRODUCTION = """# What the tasks share
+INTRODUCTION = """# Observations, actions and info
 
 The [data sheets](tasks/fold_cloth.md) list what differs between tasks. Their sizes are those of
 `fidelity="default"` and two grippers; [arguments](arguments.md) change them. The physics step is
@@ -26,6 +28,8 @@ ACTIONS = """All entries are in [-1, 1] and scaled to their range. A gripper is 
 of an arm. The [data sheets](tasks/fold_cloth.md#actions) list the actions of pickers and cups. Arms
 have the same with `action="position"` and [others](robots.md#actions) with `"pose"` and `"joints"`.
 """
+SIZES = "Sizes of actions and states, and the length of an episode, with the tasks' defaults:\n"
+STATE_SIZES = "reduced", "markov", "key_points", "full"
 STATES = "States are float64 in dm_env and float32 in Gymnasium.\n"
 PROPRIOCEPTION = """These entries end `reduced` and `full`, except with a cup.
 `pixel_pick_and_place` has those of gripper 0 of `picker`, also in `markov`.
@@ -82,6 +86,20 @@ def _entries(part: str, task: Task) -> tuple:
     return tuple((actor.senses if part == "proprioception" else actor.remembers).items())
 
 
+def sizes() -> str:
+    """Table of the tasks' sizes of actions and states, and of their episodes."""
+    rows = []
+    for name in TASKS:
+        env = load(name, observation=list(STATE_SIZES))
+        spec = env.observation_spec()
+        states = (math.prod(spec[state].shape) for state in STATE_SIZES)
+        actions, repeat = math.prod(env.action_spec().shape), env.task.action_repeat
+        seconds = f"{env.horizon * repeat * SIM_STEP:g}"
+        rows.append((f"`{name}`", *map(str, (actions, *states, env.horizon, repeat)), seconds))
+    titles = ("task", "actions", *(f"`{state}`" for state in STATE_SIZES))
+    return table((*titles, "env steps", "`action_repeat`", "seconds"), rows)
+
+
 def info() -> str:
     """Table of the keys of info and of what has them."""
     owners: dict[str, set[str]] = {}
@@ -103,6 +121,9 @@ def page() -> str:
     summaries = ((f"`{name}`", what) for name, what in SUMMARIES.items())
     parts = [
         INTRODUCTION,
+        "## Sizes\n",
+        SIZES,
+        sizes(),
         "## Actions\n",
         ACTIONS,
         *actor_tables("actions"),
