@@ -119,7 +119,7 @@ def overview(docs: str) -> str:
         "*Proprioception*: what the actor senses of itself; with grippers also whether each holds "
         "the material.",
         "*Distillation*: a student imitates a "
-        f"[published state policy]({docs}results.md#policies), so it can exceed the median of its "
+        f"[published state policy]({docs}policies.md), so it can exceed the median of its "
         "teacher's training. Students of `rope_configuration`, `drop_fold_cloth` and `fold_shirt` "
         f"imitate a [hand-written expert]({docs}learning.md#from-a-state-policy-to-an-image-policy)"
         ".",

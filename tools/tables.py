@@ -210,8 +210,9 @@ def pages() -> dict[pathlib.Path, str]:
         (DOCS / "custom_tasks.md", {"grasps": grasp_table.grasps}),
         (DOCS / "recipes.md", {"lerobot": lerobot_table.scores}),
         (DOCS / "validation.md", {"experts": lambda: experts.table(scores)}),
+        (DOCS / "commands.md", {"commands": published_commands.commands}),
         (DOCS / "results.md", {"overview": lambda: learned.overview(""), "learned": learned.results,
-                               "commands": published_commands.commands, "others": learned.others}),
+                               "others": learned.others}),
     )  # fmt: skip
     texts = {}
     for path, tables in named:
