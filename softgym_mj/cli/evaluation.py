@@ -27,9 +27,10 @@ from softgym_mj.cli.console import (
     policy_file,
     progress_bar,
 )
+from softgym_mj.envs.load import horizon_of
 from softgym_mj.exceptions import check_count
 from softgym_mj.policies.planners import BUDGET, ITERATIONS, PLANNERS, Plan
-from softgym_mj.registry import TASKS, find
+from softgym_mj.registry import find
 from softgym_mj.storage.files import write_csv
 
 if TYPE_CHECKING:
@@ -160,9 +161,7 @@ def progress_of(configuration: "Configuration") -> Iterator["Progress"]:
     from softgym_mj.evaluation import Progress
 
     planning = configuration.planning
-    steps = configuration.settings.get("horizon")
-    if steps is None:
-        steps = TASKS[configuration.task].horizon
+    steps = horizon_of(configuration.task, configuration.settings)
     check_count("horizon", steps, 1)
     decisions = -(-steps // planning.replan_every) if planning else 1  # Per episode.
     scores: list[float] = []

@@ -1,8 +1,8 @@
 """`load`: from the name of a task to its environment."""
 
 import functools
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 from softgym_mj.registry import TaskRecord, find
 
@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from softgym_mj.envs.environment import Environment
+    from softgym_mj.tasks.shared.base import Task
 
 _OF_LOAD = ("split", "horizon", "random_state")
 
@@ -53,9 +54,26 @@ def load(
     if record.is_custom:
         built.arguments = arguments_of_states(record.resolve(), task_kwargs)
     if horizon is None:
-        horizon = built.actor.horizon or record.horizon
+        horizon = _default_horizon(record, built)
     env = Environment(
         built, name=record.name, horizon=horizon, split=split, random_state=random_state
     )
     env.maker = functools.partial(load, record, split=split, horizon=horizon, **task_kwargs)
     return env
+
+
+def horizon_of(task: str | TaskRecord, settings: Mapping[str, Any]) -> int:
+    """Returns the env steps in an episode of `load(task, **settings)`, without an environment.
+
+    Unknown arguments are ignored, because results of earlier versions have some.
+    """
+    if (horizon := settings.get("horizon")) is not None:
+        return horizon
+    record = find(task)
+    known = {name: value for name, value in settings.items() if name in record.arguments}
+    return _default_horizon(record, record.build(**known))
+
+
+def _default_horizon(record: TaskRecord, built: "Task") -> int:
+    """Returns the env steps in an episode of a task: the actor's, if it has its own."""
+    return built.actor.horizon or record.horizon

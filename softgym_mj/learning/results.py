@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from softgym_mj.envs.load import horizon_of
 from softgym_mj.evaluation.comparison import read_results
 from softgym_mj.evaluation.configuration import Planning
 from softgym_mj.exceptions import StoreError
@@ -239,7 +240,7 @@ def rows_of_planner(result: Mapping[str, Any]) -> list[Row]:
 
 def planned_env_steps(result: Mapping[str, Any]) -> int:
     """Returns the env steps that a planner simulates in an episode, from its evaluation result."""
-    planning, steps = result["planning"], TASKS[result["task"]].horizon
+    planning, steps = result["planning"], horizon_of(result["task"], result["settings"])
     return -(-steps // planning["replan_every"]) * planning["budget"]
 
 

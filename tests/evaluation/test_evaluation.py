@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 import softgym_mj
 from softgym_mj import evaluation
 from softgym_mj.cli import commands
+from softgym_mj.cli import evaluation as cli_evaluation
 from softgym_mj.evaluation import Configuration, Planning, evaluate, running
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.parallel.executors import ProcessExecutor, RayExecutor
@@ -306,6 +307,21 @@ def test_the_command_line_chooses_variations_and_actors(tmp_path):
         failed = CliRunner().invoke(commands.app, arguments)
         assert isinstance(failed.exception, InvalidArgumentError)
         assert words in str(failed.exception)
+
+
+@pytest.mark.parametrize(
+    "settings", [{}, {"actor": "pick_and_place"}, {"horizon": 6, "actor": "pick_and_place"}]
+)
+def test_the_bar_counts_the_decisions_of_the_environment(settings, monkeypatch):
+    bars, make = [], cli_evaluation.progress_bar
+    monkeypatch.setattr(
+        cli_evaluation, "progress_bar", lambda *own: bars.append(make(*own)) or bars[-1]
+    )
+    configuration = dataclasses.replace(PLANNED, settings=settings)
+    with cli_evaluation.progress_of(configuration):
+        pass
+    decisions = -(-softgym_mj.load("straighten_rope", **settings).horizon // 2)
+    assert bars[0].tasks[0].total == decisions * len(configuration.episodes)
 
 
 def test_a_batch_reports_its_env_steps(tmp_path):

@@ -11,6 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from softgym_mj.cli import commands
+from softgym_mj.envs.load import load
 from softgym_mj.evaluation.comparison import read_results
 from softgym_mj.evaluation.plots import new_figure
 from softgym_mj.exceptions import StoreError
@@ -265,6 +266,10 @@ def test_evaluations_of_planners_are_rows():
     assert (row.preset, row.env_steps) == ("paper", 1_575_000)
     (row,) = results.rows_of_planner({**rope, "planning": paper, "settings": {"fidelity": "fast"}})
     assert row.preset == "small"
+    for settings in ({"actor": "pick_and_place"}, {"horizon": 6}):
+        (row,) = results.rows_of_planner({**rope, "settings": settings})
+        decisions = -(-load("straighten_rope", **settings).horizon // 5)
+        assert row.env_steps == 450 * decisions
     for changes in ({"policy": "random"}, {"variations": [799, 800]}):
         with pytest.raises(StoreError, match="expected a planner"):
             results.rows_of_planner({**rope, **changes})
