@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 import softgym_mj
+from softgym_mj.envs.load import horizon_of
 from softgym_mj.exceptions import InvalidArgumentError, SoftGymError, UnavailableError
 from softgym_mj.learning.exploring import Explorer, problem_of
 from softgym_mj.learning.learner import Learner, Method, check_random_steps
@@ -91,8 +92,7 @@ class TrainingSetup:
         number = settings.num_envs * len(self.seeds)
         left = {} if settings.learned_steps is None else {"horizon": settings.learned_steps}
         self._envs = self._make(number, autoreset_mode="SameStep", **left)
-        own_horizon = find(settings.task).horizon if left else self._envs.get_attr("horizon")[0]
-        self._horizon = settings.episode_steps or own_horizon  # Of evaluations.
+        self._horizon = horizon_of(settings.task, settings.task_settings)  # Of evaluations.
         at = self.learner_device or own
         self._problem = problem_of(settings, self.method, self.seeds, self._envs, at)
         self._explorer = Explorer(self._problem, self._envs, self.device)

@@ -96,6 +96,19 @@ def test_episodes_are_left_early_where_they_are_learned_from(tmp_path, no_polici
     assert horizons == [6]  # Horizon of evaluations.
 
 
+@pytest.mark.parametrize("learned_steps", [None, 4])
+@pytest.mark.parametrize(
+    ("actor", "steps"), [(None, None), (None, 6), ("pixel_pick_and_place", None)]
+)
+def test_evaluations_have_the_horizon_of_their_environments(tmp_path, learned_steps, actor, steps):
+    settings = dataclasses.replace(
+        SETTINGS, learned_steps=learned_steps, episode_steps=steps, actor=actor
+    )
+    method = find_method("sac", hidden=(8,), random_steps=8, replay=24)
+    training = Training(settings, method, [0], tmp_path, "host")
+    assert training.evaluation_steps(1) == training._make(1).get_attr("horizon")[0]
+
+
 def test_how_each_episode_of_the_last_evaluation_ended_is_written(whole):
     with (whole.folder / "episodes.csv").open() as file:
         rows = list(csv.DictReader(file))
