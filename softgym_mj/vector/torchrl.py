@@ -89,7 +89,7 @@ class TorchRLEnv(EnvBase):
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         actions = tensordict["action"]
         if self.device.type == "cpu":
-            actions = actions.numpy()
+            actions = actions.detach().numpy()
         observations, rewards, terminated, truncated, infos = self.envs.step(actions)
         terminated, truncated = (self._column(end, torch.bool) for end in (terminated, truncated))
         ends = (terminated | truncated, terminated, truncated)

@@ -59,6 +59,17 @@ def test_it_plays_what_the_vector_environment_plays(make):
     envs.close()
 
 
+def test_actions_of_a_policy_need_no_detach(make):
+    env = make("straighten_rope", 2, device="host", horizon=2)
+    shift, states = torch.full((2, 8), 0.5), []
+    for action in (shift, shift.clone().requires_grad_()):
+        env.set_seed(1)
+        now = env.reset()
+        now["action"] = action
+        states.append(env.step(now)["next", "observation"])
+    assert states[0].equal(states[1])
+
+
 def test_a_part_is_reset_alone(make):
     env = make("straighten_rope", 3, device="host", horizon=4)
     env.set_seed(1)
