@@ -6,7 +6,7 @@ from typing import Any
 import gymnasium
 import torch
 from tensordict import TensorDict, TensorDictBase
-from torchrl.data import Binary, Bounded, Composite, Unbounded
+from torchrl.data import Binary, Bounded, Composite, TensorSpec, Unbounded
 from torchrl.envs import EnvBase
 
 from softgym_mj.exceptions import InvalidArgumentError, check_name
@@ -60,7 +60,7 @@ class TorchRLEnv(EnvBase):
             space = gymnasium.spaces.Dict({"observation": space})
         one = (num_envs, 1)
         self.observation_spec = Composite(
-            {name: self._unbounded(part.shape, part.dtype) for name, part in space.items()}
+            {name: self._spec_of(part.shape, part.dtype) for name, part in space.items()}
             | {name: Unbounded(one, device=where) for name in self._info},
             shape=self.batch_size,
         )
@@ -71,8 +71,12 @@ class TorchRLEnv(EnvBase):
         self.full_done_spec = Composite(ends, shape=self.batch_size)
         self._ends = {name: torch.zeros(one, dtype=torch.bool, device=where) for name in _ENDS}
 
-    def _unbounded(self, shape: tuple[int, ...] | None, dtype: Any) -> Unbounded:
-        return Unbounded(shape, device=self.device, dtype=getattr(torch, dtype.name))
+    def _spec_of(self, shape: tuple[int, ...] | None, dtype: Any) -> TensorSpec:
+        """Returns the spec of an observation; that of images is bounded."""
+        kind = getattr(torch, dtype.name)
+        if kind == torch.uint8:
+            return Bounded(0, 255, shape, device=self.device, dtype=kind)
+        return Unbounded(shape, device=self.device, dtype=kind)
 
     def _reset(self, tensordict: TensorDictBase | None = None, **kwargs: Any) -> TensorDictBase:
         chosen = None if tensordict is None else tensordict.get("_reset", None)

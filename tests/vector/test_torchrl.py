@@ -39,6 +39,18 @@ def test_specs(make, device, task):
     check_env_specs(env, seed=0)
 
 
+def test_images_are_bounded_as_in_gymnasium(make):
+    from torchrl.data import Bounded
+    from torchrl.envs.utils import check_env_specs
+
+    env = make("straighten_rope", 2, device="cpu", observation=["rgb", "full"], image_size=(16, 16))
+    rgb, full = (env.observation_spec[name] for name in ("rgb", "full"))
+    assert isinstance(rgb, Bounded) and not isinstance(full, Bounded)
+    assert rgb.dtype == torch.uint8 and rgb.space.low.amax() == 0 and rgb.space.high.amin() == 255
+    np.testing.assert_array_equal(rgb.space.high, env.envs.observation_space["rgb"].high)
+    check_env_specs(env, seed=0)
+
+
 def test_it_plays_what_the_vector_environment_plays(make):
     env = make("straighten_rope", 3, device="host", horizon=2)
     envs = softgym_mj.make_vec("straighten_rope", 3, device="host", horizon=2, **SETTINGS)
