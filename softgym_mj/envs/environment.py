@@ -122,6 +122,7 @@ class Environment(SimulatedEnvironment):
         return dm_env.TimeStep(dm_env.StepType.FIRST, None, None, observation)
 
     def _start(self, variation: int):
+        self.started = None  # Until the episode has started.
         recompile = self._task.choose_variation(variation)
         self._hooks.initialize_episode_mjcf(self._random_state)
         if recompile or self._edits_mjcf:
@@ -238,6 +239,7 @@ class Environment(SimulatedEnvironment):
 
         Raises:
             SnapshotError: for a snapshot of another task or other settings, or an invalid one.
+            SimulationError: if the start of its variation diverges; the episode remains.
         """
         self._check_open()
         if not isinstance(snapshot, Snapshot):
@@ -251,9 +253,11 @@ class Environment(SimulatedEnvironment):
                 self._start(variation)
             size = mujoco.mj_stateSize(self._model, _STATE)
             check_content(snapshot, size, self._task.get_state())
-        except (LookupError, TypeError, ValueError) as error:
+        except (SimulationError, LookupError, TypeError, ValueError) as error:
             if before is not None:
                 self.set_state(before)
+            if isinstance(error, SimulationError):
+                raise
             raise SnapshotError(f"the snapshot is damaged: {error}") from error
         self._restore(snapshot)
         self._data.warning.number[:] = 0

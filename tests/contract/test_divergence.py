@@ -111,6 +111,7 @@ def test_vectors_of_processes_and_of_rows_say_the_same(task, mode):
 
 def test_a_start_that_diverges_is_an_error():
     env = softgym_mj.load("straighten_rope", fidelity="fast")
+    env.reset(3)
 
     def fail(physics, random_state):
         raise PhysicsError("as MuJoCo's warnings do")
@@ -118,6 +119,30 @@ def test_a_start_that_diverges_is_an_error():
     env.add_extra_hook("initialize_episode", fail)
     with pytest.raises(SimulationError, match="start of variation 7 of straighten_rope diverges"):
         env.reset(7)
+    with pytest.raises(LifecycleError, match="no episode has started"):
+        env.get_state()
+
+
+def test_an_episode_continues_if_the_start_of_a_snapshot_diverges():
+    """The oracle is an environment that restores nothing."""
+    env, oracle, other = (softgym_mj.load("straighten_rope", **SETTINGS) for _ in range(3))
+    other.reset(9)
+    snapshot = other.get_state()
+
+    def fail(physics, random_state):
+        if env.task.variation == 9:
+            raise PhysicsError("as MuJoCo's warnings do")
+
+    env.add_extra_hook("initialize_episode", fail)
+    random = np.random.default_rng(0)
+    for step in range(4):
+        action = random.uniform(-1.0, 1.0, env.action_spec().shape)
+        timesteps = [each.step(action) if step else each.reset(7) for each in (env, oracle)]
+        one, expected = (timestep.observation["full"] for timestep in timesteps)
+        np.testing.assert_array_equal(one, expected)
+        assert env.task.variation == 7 and env.info() == oracle.info()
+        with pytest.raises(SimulationError, match="start of variation 9"):
+            env.set_state(snapshot)
 
 
 class Breaks:
