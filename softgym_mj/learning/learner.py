@@ -12,6 +12,10 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
 
 
+class UnexportableError(InvalidArgumentError):
+    """Method whose policies cannot be exported: they have memory, or sample their actions."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Problem:
     """Learning problem: task, environments and shapes.
@@ -103,7 +107,7 @@ class Learner(Protocol):
         """Returns the policy of the seed at an index: a module from observations to actions.
 
         Raises:
-            InvalidArgumentError: for a method whose policies have memory.
+            UnexportableError: for a method whose policies have memory or sample their actions.
         """
 
     def get_state(self) -> dict[str, Any]:

@@ -35,6 +35,7 @@ from softgym_mj.learning.curves import (
     write_curve,
     write_episodes,
 )
+from softgym_mj.learning.learner import UnexportableError
 from softgym_mj.learning.setup import TrainingSetup
 from softgym_mj.policies.exported import export_policy
 from softgym_mj.storage.files import write_json, write_whole
@@ -219,7 +220,7 @@ class Training(TrainingSetup):
         for k, seed in enumerate(self.seeds):
             try:
                 module = self.learner.policy(k)
-            except InvalidArgumentError:  # Policies with memory cannot be exported.
+            except UnexportableError:
                 return
             frames = getattr(module, "frames", 1)
             seen = {name: several[name] for name in names}

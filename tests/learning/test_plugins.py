@@ -7,9 +7,10 @@ import re
 import shlex
 
 import pytest
+import torch
 
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.learning.learner import Problem
+from softgym_mj.learning.learner import Problem, UnexportableError
 from softgym_mj.learning.registry import find_method, find_preset
 from softgym_mj.learning.results import read_folder
 from softgym_mj.learning.settings import TrainingSettings
@@ -108,3 +109,39 @@ def test_a_method_that_makes_no_learner_is_refused(tmp_path):
     method = find_method(NAME)
     with pytest.raises(InvalidArgumentError, match=r"make.*None.*Learner"):
         Training(TrainingSettings("straighten_rope", **SHORT), method, [0], tmp_path, "host")
+
+
+class Still:
+    """A learner whose actions are zeros; an error where its policy is expected."""
+
+    updates = 0
+
+    def __init__(self, problem, error):
+        self.problem, self.error = problem, error
+
+    def act(self, observation, first, memory, *, explore):
+        return torch.zeros(*first.shape, self.problem.action), memory
+
+    def learn(self, step):
+        return {}
+
+    def policy(self, seed):
+        raise self.error
+
+    def get_state(self):
+        return {}
+
+
+@pytest.mark.parametrize("kind", [UnexportableError, InvalidArgumentError])
+def test_only_policies_that_cannot_be_exported_are_left_out(tmp_path, kind):
+    def learner(settings, problem):
+        return Still(problem, kind("method", "still", "a module"))
+
+    method = dataclasses.replace(find_method(NAME), make=learner)
+    training = Training(TrainingSettings("straighten_rope", **SHORT), method, [0], tmp_path, "host")
+    if kind is UnexportableError:
+        training.run()
+    else:
+        with pytest.raises(InvalidArgumentError, match="method='still' is not valid"):
+            training.run()
+    assert len(read_folder(tmp_path)) == 2 and not [*tmp_path.glob("policy*")]

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
 from softgym_mj.learning.cuda_graph import CudaGraph
-from softgym_mj.learning.learner import Problem, Step
+from softgym_mj.learning.learner import Problem, Step, UnexportableError
 from softgym_mj.learning.methods.planet.latent import WorldModel, centered
 from softgym_mj.learning.networks import any_actions, drawn, generators
 from softgym_mj.learning.optimization import adam, clip_grad_norm
@@ -233,10 +233,10 @@ class PlaNet:
         """Returns the policy of the seed at an index.
 
         Raises:
-            InvalidArgumentError: always.
+            UnexportableError: always.
         """
         valid = "a method without memory; the actions of PlaNet depend on past observations"
-        raise InvalidArgumentError("method", "planet", valid)
+        raise UnexportableError("method", "planet", valid)
 
     # ------------------------------------------------------------------ learning
 

@@ -18,7 +18,7 @@ import torch
 from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
-from softgym_mj.learning.learner import Problem
+from softgym_mj.learning.learner import Problem, UnexportableError
 from softgym_mj.learning.methods.pixels import picture_size
 from softgym_mj.learning.methods.sac import SAC, SACSettings
 from softgym_mj.learning.methods.wu.cloth_pixels import cloth_pixels, pixel_centers
@@ -173,9 +173,13 @@ class PickAndPlace(SAC):
         return actor, self.log_alpha * (alpha.detach() / self.alpha)
 
     def policy(self, seed: int) -> nn.Module:
-        """Returns the policy of the seed at an index."""
+        """Returns the policy of the seed at an index.
+
+        Raises:
+            UnexportableError: always.
+        """
         valid = "a method with deterministic actions; this one samples the best actions"
-        raise InvalidArgumentError("method", "wu", valid)
+        raise UnexportableError("method", "wu", valid)
 
 
 def _candidates(images: Tensor) -> Tensor:
