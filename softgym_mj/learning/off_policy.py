@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import torch
 from torch import Tensor, nn
 
-from softgym_mj.exceptions import InvalidArgumentError, check_count
+from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
 from softgym_mj.learning.cuda_graph import CudaGraph
 from softgym_mj.learning.forms import SymmetrizedPolicy
 from softgym_mj.learning.learner import Problem, Step
@@ -57,6 +57,7 @@ class OffPolicySettings:
         for name in ("action_hold", "updates", "batch", "replay", "n_step"):
             check_count(name, getattr(self, name), 1)
         check_count("random_steps", self.random_steps, 0)
+        check_number("discount", self.discount, gt=0.0, le=1.0)
         if self.final_discount is not None and not self.discount <= self.final_discount < 1.0:
             valid = f"at least discount={self.discount} and below 1"
             raise InvalidArgumentError("final_discount", self.final_discount, valid)

@@ -33,6 +33,8 @@ def test_batches_are_of_the_discount_of_their_time():
 
 def test_bad_settings_are_refused():
     for name, value in (
+        ("discount", 0.0),
+        ("discount", 1.5),
         ("final_discount", 0.9),
         ("final_discount", 1.0),
         ("discount_schedule", (3, 3)),

@@ -62,7 +62,7 @@ class SACSettings(OffPolicySettings):
 
     def __post_init__(self):
         super().__post_init__()
-        for name in ("discount", "tau", "alpha", "actor_rate", "critic_rate", "alpha_rate"):
+        for name in ("tau", "alpha", "actor_rate", "critic_rate", "alpha_rate"):
             check_number(name, getattr(self, name), gt=0.0, le=1.0)
         for name in ("actor_every", "target_every"):
             check_count(name, getattr(self, name), 1)
