@@ -43,8 +43,13 @@ class Measures:
     @property
     def reward(self) -> Array:
         """Sum of the reward's terms."""
-        # `sum` compensates rounding from Python 3.12 on, for floats and not for arrays.
-        return functools.reduce(operator.add, self.rewards.values(), 0)
+        return total(self.rewards)
+
+
+def total(rewards: Mapping[str, Array]) -> Array:
+    """Returns the sum (...) of a reward's terms (...)."""
+    # `sum` compensates rounding from Python 3.12 on, for floats and not for arrays.
+    return functools.reduce(operator.add, rewards.values(), 0)
 
 
 def namespace(array: Array) -> Any:
@@ -238,9 +243,7 @@ def fold(shape: Mapping[str, Array], points: Array, goal: Array) -> Measures:
     pair = mean(flat(lengths(_columns(sheet, shape["first_half"]) - mirror)), counts)
     moved = mean(flat(lengths(mirror - _columns(goal, shape["second_half"]))), counts)
     rewards = {"pair_distance": -pair, "displacement": -DISPLACEMENT_WEIGHT * moved}
-    return Measures(
-        sum(rewards.values()), rewards, info={"pair_distance": pair, "displacement": moved}
-    )
+    return Measures(total(rewards), rewards, info={"pair_distance": pair, "displacement": moved})
 
 
 def _columns(sheet: Array, indices: Array) -> Array:

@@ -83,7 +83,7 @@ class TransportWater(Task):
         within = share(inside("cup", state, episode), state)
         rewards = {"distance": -away, "spill": SPILL_PENALTY * (within - 1.0)}
         info = {"distance_to_target": away, "spilled": 1.0 - within}
-        return Measures(sum(rewards.values()), rewards, info)
+        return Measures(metrics.total(rewards), rewards, info)
 
     def bounds(self, episode: Episode) -> tuple[Array, Array]:
         return -GOAL, 0.0
