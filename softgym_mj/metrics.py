@@ -235,7 +235,8 @@ def fold(shape: Mapping[str, Array], points: Array, goal: Array) -> Measures:
         goal: (..., dimy, dimx, 3) [m] particles of the unfolded cloth; the second half counts.
 
     Returns:
-        Minus the mean distance of the pairs, and minus 1.2 times the mean displacement [m].
+        Measures; rewards: minus the mean distance of the pairs, and minus 1.2 times the mean
+        displacement [m].
     """
     sheet = particles(shape, points)
     mirror = _columns(sheet, shape["second_half"])
