@@ -133,12 +133,11 @@ def limits() -> str:
     return f"{table(head, rows)}\n\n{found['machine']['gpu']}."
 
 
-TABLES: Mapping[str, Callable[[], str]] = {
+# Tables of docs/gpu.md, and of docs/gpu_kernels.md.
+RATES: Mapping[str, Callable[[], str]] = {
     "rates": rates,
-    "limits": limits,
     "arms": arms,
     "images": images,
-    "bits": bits,
     "planner": planner,
-    "long": long,
 }
+DETAILS: Mapping[str, Callable[[], str]] = {"limits": limits, "bits": bits, "long": long}
