@@ -90,7 +90,7 @@ def materials() -> str:
     """Speeds by material, from the least to the most of its tasks."""
     found = measured("throughput")
     figures: dict[str, tuple[Callable[[dict], float], str]] = {
-        "env steps/s": (lambda rates: rates["env_steps_per_second"], ".0f"),
+        "env steps/s": (lambda rates: rates["env_steps_per_second"], ",.0f"),
         "128 x 128 images/s": (lambda rates: rates["images_128_per_second"], ".0f"),
     }
     rows = []
@@ -110,7 +110,7 @@ def arm_speeds() -> str:
         own = found["tasks"][name]
         rate = own["env_steps_per_second"]
         rates = (rate, *(rate * own["arms"][arm] for arm in own["arms"]))
-        rows.append(f"| `{name}` | {' | '.join(f'{r:.0f}' for r in rates)} |")
+        rows.append(f"| `{name}` | {' | '.join(f'{r:,.0f}' for r in rates)} |")
     titles = " | ".join(f"`{arm}`" for arm in own["arms"])
     head = f"| task, env steps/s | abstract actor | {titles} |"
     return f"{table(head, rows)}\n\n{on(found['machine'])}"
@@ -120,7 +120,7 @@ def processes() -> str:
     """Throughput of vector environments in one and two processes."""
     found, rows = measured("vector"), []
     for one, two in zip(found["rows"][::2], found["rows"][1::2], strict=True):
-        rates = " | ".join(f"{row['env_steps_per_second']:.0f}" for row in (one, two))
+        rates = " | ".join(f"{row['env_steps_per_second']:,.0f}" for row in (one, two))
         rows.append(f"| `{one['task']}` | `{one['observation']}` | {rates} | {two['gain']:.2f} |")
     head = "| task | observation | one process, env steps/s | two | gain |"
     return f"{table(head, rows)}\n\n{on(found['machine'])}"
@@ -133,7 +133,7 @@ def overview(scores: experts.Scores) -> str:
     for name in task_names(SOFTGYM):
         record = TASKS[name]
         played = score(scores[name]["default"]) if name in scores else "not yet played"
-        rate = f"{rates[name]['env_steps_per_second']:.0f}" if name in rates else "not yet measured"
+        rate = f"{rates[name]['env_steps_per_second']:,.0f}" if name in rates else "not yet measured"
         page = f"[`{name}`](docs/tasks/{name}.md)"
         thousand = gpu["rates"].get(name, {}).get("1056")
         fast = f"{thousand['env_steps_per_s']:,.0f}" if thousand else "not yet measured"
