@@ -133,7 +133,8 @@ def overview(scores: experts.Scores) -> str:
     for name in task_names(SOFTGYM):
         record = TASKS[name]
         played = score(scores[name]["default"]) if name in scores else "not yet played"
-        rate = f"{rates[name]['env_steps_per_second']:,.0f}" if name in rates else "not yet measured"
+        own = rates.get(name)
+        rate = f"{own['env_steps_per_second']:,.0f}" if own else "not yet measured"
         page = f"[`{name}`](docs/tasks/{name}.md)"
         thousand = gpu["rates"].get(name, {}).get("1056")
         fast = f"{thousand['env_steps_per_s']:,.0f}" if thousand else "not yet measured"
