@@ -19,6 +19,7 @@ from softgym_mj.evaluation.rows import MOST, check_policy, play_rows
 from softgym_mj.evaluation.statistics import methods, secondary_metrics, summary
 from softgym_mj.exceptions import check_name
 from softgym_mj.parallel.executors import Executor, SerialExecutor, Together
+from softgym_mj.policies.exported import has_images
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.policies.model_predictive import ModelPredictivePolicy
 from softgym_mj.policies.planners import PLANNERS, Plan
@@ -65,12 +66,13 @@ def evaluate(
     """Plays all episodes that `folder` lacks, and writes `folder`/result.json.
 
     Workers share episodes, or a planner's samples. On a device, planners play many episodes
-    together; the results do not depend on which.
+    together; the results do not depend on which, unless the policy observes images.
 
     Args:
         configuration: Configuration of the evaluation.
-        folder: New folder, or that of an evaluation that differs only in variations and seeds. It
-            identifies tasks by name: a custom task that has changed needs another folder.
+        folder: New folder, or that of an evaluation that differs only in variations and seeds (and
+            in the device, unless the policy observes images). It identifies tasks by name: a
+            custom task that has changed needs another folder.
         executor: Executor of the simulations; None for this process.
         progress: Callbacks for episodes, decisions and env steps.
         trust: Whether the file of a policy may be loaded, as in `make_policy`.
@@ -91,6 +93,9 @@ def evaluate(
         check_policy(configuration.policy, device)
     executor, progress = executor or SerialExecutor(), progress or Progress()
     written = configuration.as_json()
+    if has_images(configuration.settings.get("observation", "reduced")):
+        # Two renderers draw images, which changes the scores of policies that see them.
+        written["renderer"] = "OpenGL" if device == "cpu" else "batch"
     store = open_folder(pathlib.Path(folder), written)
     episodes: dict[tuple[int, int], dict] = {}
 

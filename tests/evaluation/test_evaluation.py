@@ -17,7 +17,7 @@ from softgym_mj import evaluation
 from softgym_mj.cli import commands
 from softgym_mj.cli import evaluation as cli_evaluation
 from softgym_mj.evaluation import Configuration, Planning, evaluate, running
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.parallel.executors import ProcessExecutor, RayExecutor
 from softgym_mj.policies.exported import export_policy
 from softgym_mj.policies.factory import make_policy
@@ -233,6 +233,15 @@ def test_episodes_side_by_side_are_those_of_one_after_the_other(tmp_path, policy
             assert theirs[name] == pytest.approx(ours[name], abs=1e-12)
         assert theirs["secondary_metrics"] == pytest.approx(ours["secondary_metrics"], abs=1e-12)
     assert evaluate(configuration, tmp_path / "host", device="cpu") == output[1]  # It is all there.
+
+
+def test_a_folder_has_episodes_of_one_renderer(tmp_path):
+    settings = {**SHORT, "observation": "rgb", "image_size": [16, 16]}
+    configuration = dataclasses.replace(SIMPLE, policy="zero", seeds=(0,), settings=settings)
+    result = evaluate(configuration, tmp_path)
+    assert evaluate(configuration, tmp_path) == result and result["renderer"] == "OpenGL"
+    with pytest.raises(StoreError, match="different renderer"):
+        evaluate(configuration, tmp_path, device="host")
 
 
 @pytest.mark.parametrize("names_its_observation", [False, True])
