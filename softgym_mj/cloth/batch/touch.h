@@ -225,6 +225,7 @@ SGM_APART void FindTouches(const Environment& w, int substeps) {
 // give way follow each other, because they act on each other through their body.
 template <class F>
 inline void EachTouch(const Environment& w, F make) {
+  static_assert(kGroups == 1 || !kSolids, "InSequence needs all threads of a block");
   const Model& m = *w.model;
   for (int i = 0; i < m.grippers + Solids(m); ++i) {
     const int t = kSolids ? m.At<int>(m.order_at)[i] : i;
