@@ -127,7 +127,7 @@ void Layers::Reset(const Mesh& mesh, const ClothKernels& kernels) {
     for (int i = 0; i < count; ++i) ids[i] = codes[i].second;
     return ids;
   };
-  // Only vertices of surfaces can touch the inside of triangles.
+  // Vertices of ropes can touch the inside of triangles, too.
   std::vector<int> single(mesh.NumVertices());
   for (int v = 0; v < mesh.NumVertices(); ++v) single[v] = v;
   vertices_.Build(order(single, 1), single, 1);
