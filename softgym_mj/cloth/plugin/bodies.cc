@@ -186,9 +186,9 @@ void Bodies::AddTies(const Tree& tree, std::vector<double>* inertia) const {
   }
 }
 
-Body* Bodies::Find(int id) {
-  if (m_->body_treeid[id] < 0) return nullptr;
-  if (of_body_[id] >= 0) return &bodies_[of_body_[id]];
+int Bodies::Find(int id) {
+  if (m_->body_treeid[id] < 0) return -1;
+  if (of_body_[id] >= 0) return of_body_[id];
   Body body = {};
   body.tree = FindTree(m_->body_treeid[id]);
   const Tree& tree = trees_[body.tree];
@@ -233,7 +233,7 @@ Body* Bodies::Find(int id) {
   for (int k = 0; k < 6; ++k) body.rigid.move[k] = h_ * body.velocity[k];
   of_body_[id] = static_cast<int>(bodies_.size());
   bodies_.push_back(body);
-  return &bodies_.back();
+  return of_body_[id];
 }
 
 void Bodies::Move() {

@@ -36,8 +36,8 @@ class Bodies {
  public:
   // Starts a step. `qvel`: velocities at its start. `ties`: ties of vertices to bodies.
   void Start(const mjModel* m, const mjData* d, const mjtNum* qvel, const std::vector<Tie>& ties, double h);
-  // Returns the body of a geom; null if it is static.
-  Body* Find(int body);
+  // Returns the index of one of the model's bodies in `all`; -1 if it is static.
+  int Find(int id);
   // Moves all bodies by a substep without contact.
   void Move();
   // Applies an impulse to a body at `arm` from its center [m].

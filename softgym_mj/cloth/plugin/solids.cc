@@ -81,7 +81,8 @@ void Solids::Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cl
     };
     const bool moves = m->body_treeid[m->geom_bodyid[g]] >= 0;
     if (away(m->geom_rbound[g] + margin + fastest + (moves ? FurthestWay(m, d, g) : 0))) continue;
-    Body* body = bodies_.Find(m->geom_bodyid[g]);
+    const int body_index = bodies_.Find(m->geom_bodyid[g]);
+    const Body* body = body_index < 0 ? nullptr : &bodies_.all()[body_index];
     if (body) {
       const double* v = body->velocity;
       const double turning = std::sqrt(v[3] * v[3] + v[4] * v[4] + v[5] * v[5]);
@@ -92,7 +93,7 @@ void Solids::Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cl
     if (actives_.size() <= used) actives_.emplace_back();
     Active& active = actives_[used];
     active.geom = g;
-    active.body = body ? static_cast<int>(body - bodies_.all().data()) : -1;
+    active.body = body_index;
     active.small = body && body->gives_way && m->geom_rbound[g] < kSmall;
     active.view.shape = ShapeOf(m, g);
     active.view.grid = GridOf(m, g);

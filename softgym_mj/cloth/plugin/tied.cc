@@ -23,20 +23,20 @@ void Tied::Start(Bodies* bodies, double timestep, double h, cloth::Start* start)
   bodies_ = bodies;
   riders_.clear();
   for (const Tie& tie : start->ties) {
-    const Body* body = bodies->Find(tie.body);
-    if (!body || !body->gives_way) continue;
     Rider rider = {};
     rider.tie = tie;
-    rider.body = static_cast<int>(body - bodies->all().data());
-    mju_sub3(rider.start, tie.point, body->center);
+    rider.body = bodies->Find(tie.body);
+    if (rider.body < 0 || !bodies->all()[rider.body].gives_way) continue;
+    const Body& body = bodies->all()[rider.body];
+    mju_sub3(rider.start, tie.point, body.center);
     mju_copy3(rider.arm, rider.start);
     double velocity[3];
-    MovePoint(body->velocity, rider.arm, velocity);
-    MovePoint(body->acceleration, rider.arm, rider.acceleration);
+    MovePoint(body.velocity, rider.arm, velocity);
+    MovePoint(body.acceleration, rider.arm, rider.acceleration);
     // Centripetal part.
     mjtNum round[3], inwards[3];
-    mju_cross(round, body->velocity + 3, rider.arm);
-    mju_cross(inwards, body->velocity + 3, round);
+    mju_cross(round, body.velocity + 3, rider.arm);
+    mju_cross(inwards, body.velocity + 3, round);
     mju_addTo3(rider.acceleration, inwards);
     const int v = tie.vertex;
     start->rides[v] = true;
