@@ -10,7 +10,7 @@
 namespace softgym_mj::cloth {
 namespace {
 
-// Factor of rotational inertia of a body whose rotation a weld to a vertex, which MuJoCo solves, prevents.
+// Factor on the rotational inertia of a body whose rotation a weld locks: MuJoCo solves the weld, which is to a vertex.
 constexpr double kLocked = 1e4;
 
 // Inertia that an implicit integrator adds to M for a degree of freedom: dt D + dt^2 K of damping and servos.
