@@ -41,8 +41,8 @@ inline void StartBodies(const Environment& w) {
     }
     body.inverse_mass = c[0][0];
     for (int k = 1; k < 3; ++k) body.inverse_mass = c[k][k] > body.inverse_mass ? c[k][k] : body.inverse_mass;
-    body.rigid.gives_way = kSolids && body.inverse_mass > kYields;
-    for (int k = 0; k < 36 && !body.rigid.gives_way; ++k) c[k / 6][k % 6] = 0;
+    body.rigid.is_pushable = kSolids && body.inverse_mass > kYields;
+    for (int k = 0; k < 36 && !body.rigid.is_pushable; ++k) c[k / 6][k % 6] = 0;
   });
   Each(Solids(m) > 0 ? 3 : 0, [&](int k) {
     double low = w.start[k], high = low;

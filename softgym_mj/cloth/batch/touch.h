@@ -122,7 +122,7 @@ inline void StartTouch(const Environment& w, int t) {
   Once([&] {
     touch->geom.shape = solid.shape;
     if (HasGrid(touch->geom)) touch->geom.grid = m.At<Grid>(m.grids_at)[t];
-    touch->small = !solid.is_static && body.rigid.gives_way && solid.bound < kSmall;
+    touch->small = !solid.is_static && body.rigid.is_pushable && solid.bound < kSmall;
     touch->fixed = touch->small || (own >= 0 && w.step->fastest >= kHasty);
     const double unturned[4] = {1, 0, 0, 0};
     Quat2Mat(own < 0 ? unturned : w.poses + 7 * own + 3, touch->matrix);
@@ -162,7 +162,7 @@ inline void StartTouch(const Environment& w, int t) {
   }
   Once([&] {
     if (touch->points.count > touch->room) touch->points.count = touch->room;
-    touch->pushes = !solid.is_static && body.rigid.gives_way && touch->points.count + touch->triangles.count > 0;
+    touch->pushes = !solid.is_static && body.rigid.is_pushable && touch->points.count + touch->triangles.count > 0;
     w.step->touches_bodies |= touch->pushes;
     w.step->touches_light |= touch->pushes && body.inverse_mass > 1 / kLight;
     w.step->repeats = w.step->touches_bodies && m.sweeps > 1;
@@ -217,7 +217,7 @@ SGM_APART void FindTouches(const Environment& w, int substeps) {
   }
   Each(TouchesBodies(w) && substeps > 0 ? touches : 0, [&](int t) {
     const Rigid* rigid = RigidOf(w, solids[t]);
-    if (rigid && rigid->gives_way) ListActive(&w.touch[t]);
+    if (rigid && rigid->is_pushable) ListActive(&w.touch[t]);
   });
 }
 
@@ -231,7 +231,7 @@ inline void EachTouch(const Environment& w, F make) {
     const int t = kSolids ? m.At<int>(m.order_at)[i] : i;
     const Touch& touch = w.touch[t];
     Rigid* rigid = RigidOf(w, m.At<Solid>(m.solids_at)[t]);
-    if (kSolids && rigid && rigid->gives_way) {
+    if (kSolids && rigid && rigid->is_pushable) {
       if (touch.num_active == 0) continue;
       InSequence(touch.num_active, [&](int b) { return make(touch.active[b], m.contact, rigid); });
       continue;

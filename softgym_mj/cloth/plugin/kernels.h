@@ -100,7 +100,7 @@ struct SweepPass {
 struct Rigid {
   double move[6];           // Displacement in the substep [m], [rad].
   double compliance[6][6];  // 0 for a kinematic body.
-  bool gives_way;
+  bool is_pushable;
   double impulse[6];  // Impulse of the sweep; the reader resets it [kg m], [kg m^2].
   float center[3];    // Center of mass [m].
 };

@@ -50,7 +50,7 @@ inline void TakeImpulses(B* bodies, int number, int o, F dofs) {
     const double* impulse = body.rigid.impulse;
     bool pushed = false;
     for (int k = 0; k < 6; ++k) pushed |= impulse[k] != 0;
-    if (!pushed || o == b || own.tree != body.tree || !own.rigid.gives_way) continue;
+    if (!pushed || o == b || own.tree != body.tree || !own.rigid.is_pushable) continue;
     const int n = dofs(b);
     for (int i = 0; i < n; ++i) {
       double response = 0;

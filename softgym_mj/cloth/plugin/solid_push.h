@@ -26,7 +26,7 @@ class SolidPush {
       x_[k] = Gather(now_, block.vertex[k], &mass_[k]);
       weight_[k] = Lanes::Load(block.weight[k]);
     }
-    moves_body_ = kSolids && body && body->gives_way;
+    moves_body_ = kSolids && body && body->is_pushable;
     arm_ = Load3(block.arm);
   }
 
