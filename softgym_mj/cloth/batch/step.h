@@ -17,6 +17,22 @@
 namespace softgym_mj::cloth {
 namespace {
 
+// Initializes the state between steps unless it is valid.
+inline void InitializeFresh(const Environment& w) {
+  const Model& m = *w.model;
+  const bool fresh = *w.valid != 1;
+  Wait();
+  if (!fresh) return;
+  Each(m.vertices, [&](int v) {
+    for (int k = 0; k < 3; ++k) w.reference[3 * v + k] = w.start[3 * v + k];
+    w.holding_force[v] = 0;
+    for (int k = 0; k < 4 * kKeptPairs; ++k) w.after_layers[4 * kKeptPairs * v + k] = 0;
+  });
+  Each(m.edges, [&](int e) { w.after_edge[e] = 0; });
+  Each(Solids(m) > 0 ? kNumSides : 0, [&](int i) { w.sides[i] = 0; });
+  Once([&] { *w.valid = 1; });
+}
+
 // Gathers positions, velocities and masses.
 inline void Gather(const Environment& w) {
   const Model& m = *w.model;
@@ -63,17 +79,6 @@ inline void Gather(const Environment& w) {
     w.solid_position[4 * v + 3] = static_cast<float>(way);
     TakeLargest(&w.step->fastest, way);
   });
-  const bool fresh = *w.valid != 1;
-  Wait();
-  if (!fresh) return;
-  Each(m.vertices, [&](int v) {
-    for (int k = 0; k < 3; ++k) w.reference[3 * v + k] = w.start[3 * v + k];
-    w.holding_force[v] = 0;
-    for (int k = 0; k < 4 * kKeptPairs; ++k) w.after_layers[4 * kKeptPairs * v + k] = 0;
-  });
-  Each(m.edges, [&](int e) { w.after_edge[e] = 0; });
-  Each(Solids(m) > 0 ? kNumSides : 0, [&](int i) { w.sides[i] = 0; });
-  Once([&] { *w.valid = 1; });
 }
 
 inline void StartPoints(const Environment& w) {
@@ -230,6 +235,7 @@ inline void Substep(const Environment& w, int substep, int search_interval) {
 inline void StepEnvironment(const Environment& w) {
   const Model& m = *w.model;
   Gather(w);
+  InitializeFresh(w);
   StartTouches(w);
   FollowReference(w);
   FindPairs(w);
