@@ -52,7 +52,7 @@ inline void Gather(const Environment& w) {
   });
   Each(m.padded, [&](int v) {
     w.inverse_mass[v] = w.yielding[v] = inverse_mass[v];
-    w.plane_gap[v] = 1e3f;
+    w.plane_gap[v] = kNoPlane;
     w.plane_friction[v] = 0;
     // Elements with two corners read a third, unused one.
     for (int k = 0; k < 4; ++k) w.solid_position[4 * v + k] = 0;

@@ -29,6 +29,7 @@ constexpr float kSearchMargin = 0.65f;
 constexpr int kMaxSearches = 4;
 constexpr int kRopePasses = 4;           // Largest number of alternations of impact zones and ropes.
 constexpr int kRopeSolves = 2;           // Newton steps per alternation: an error of 0.4 edge lengths becomes 0.015.
+constexpr float kNoPlane = 1e3f;         // [m] Gap of vertices that no plane touches.
 constexpr double kPlaneMargin = 0.02;    // [m] Vertices this much beyond two steps of motion cannot reach a plane.
 constexpr double kSolidMargin = 0.002;   // [m] Added to the distance that can be covered in a step.
 constexpr double kVelocityMargin = 0.2;  // [m/s] Largest increase of a body's speed within a step.

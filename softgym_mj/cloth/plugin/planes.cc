@@ -18,7 +18,7 @@ void Planes::Start(const Mesh& mesh, const cloth::Start& start, const std::vecto
   for (size_t p = 0; p < contacts.size(); ++p) {
     const PlaneContact& contact = contacts[p];
     Active& active = actives_[p];
-    active.gap.assign(points.count, 1e3f);
+    active.gap.assign(points.count, kNoPlane);
     active.friction.assign(points.count, 0);
     active.impulse.assign(4 * points.count, 0);
     active.blocks.clear();
