@@ -217,21 +217,10 @@ inline void TakeMemory(const Model& model, Memory* memory, Environment* w) {
   const int touches = model.grippers + model.solids;
   memory->Take(&w->bodies, model.bodies);
   memory->Take(&w->touch, touches);
-  float* air = nullptr;
-  float** const of_points[] = {&w->points.now,
-                               &w->points.before,
-                               &w->points.drift,
-                               &w->points.bent_drift,
-                               &w->points.predicted,
-                               &w->points.moved,
-                               &air,
-                               &w->with_layers,
-                               &w->position,
-                               &w->move,
-                               &w->end,
-                               &w->solid_position};
+  float** const of_points[] = {&w->points.now,       &w->points.before, &w->points.drift, &w->points.bent_drift,
+                               &w->points.predicted, &w->points.moved,  &w->points.air,   &w->with_layers,
+                               &w->position,         &w->move,          &w->end,          &w->solid_position};
   for (float** a : of_points) memory->Take(a, p);
-  w->points.air = air;
   w->points.count = model.padded;
   double** const of_vertices[] = {&w->start,  &w->velocity, &w->acceleration, &w->later,
                                   &w->motion, &w->speed,    &w->forces};

@@ -120,7 +120,7 @@ inline void StartPoints(const Environment& w) {
 inline void StartAirOf(const Environment& w) {
   const Model& m = *w.model;
   if (!m.takes_air) return;
-  float* air = const_cast<float*>(w.points.air);
+  float* air = w.points.air;
   const int *corners = m.At<int>(m.triangle_vertex_at), *first = m.At<int>(m.triangles_of_at);
   const int* around = m.At<int>(m.triangle_of_at);
   const double* area = m.At<double>(m.triangle_area_at);

@@ -31,7 +31,7 @@ struct Points {
   float* bent_drift;  // The same with bending.
   float* predicted;   // Scratch memory for bending.
   float* moved;       // Displacement of the last substep [m].
-  const float* air;   // Normals times the square root of the share of an impulse that goes into added mass.
+  float* air;         // Normals times the square root of the share of an impulse that goes into added mass.
 };
 
 struct alignas(32) EdgeBlock {
