@@ -155,6 +155,23 @@ void StorePoses(const std::vector<Pose>& poses, mjtNum* stored) {
   }
 }
 
+// Sets the start of walls to their stored poses at the end of the last step, unless these are further away than
+// `reach`; returns whether one is.
+bool SweepWalls(double reach, const mjtNum* stored, Workspace* w) {
+  bool jumped = false;
+  for (size_t i = 0; i < w->walls.size(); ++i, stored += 7) {
+    const mjtNum *p = w->end[i].position, *q = w->end[i].quaternion;
+    const double now[7] = {p[0], p[1], p[2], q[0], q[1], q[2], q[3]};
+    if (WayOfWall(w->walls[i].shape, w->walls[i].size, stored, now) <= reach) {
+      mju_copy3(w->start[i].position, stored);
+      mju_copy4(w->start[i].quaternion, stored + 3);
+    } else {
+      jumped = true;
+    }
+  }
+  return jumped;
+}
+
 // Sets the motion of vertices from their stored positions at the end of the last step, unless these are unknown or
 // further away than `reach`, to the current ones, which it stores.
 void SweepVertices(bool known, double reach, mjtNum* stored, FlexMotion* flexes) {
@@ -211,7 +228,6 @@ void TryToAdvance(const mjModel* m, mjData* d, int instance) {
     return;
   }
   Workspace& w = *opened;
-  const int walls = static_cast<int>(w.walls.size());
   mjtNum* state = d->plugin_state + m->plugin_stateadr[instance];
   if (!AreSane(state + layout.positions, layout.poses - layout.positions)) {
     Warn(m, d, instance, "NaN, Inf or huge particle positions or velocities in plugin_state.");
@@ -223,31 +239,18 @@ void TryToAdvance(const mjModel* m, mjData* d, int instance) {
   }
   w.start = w.end;
   const double reach = MaxSpeed(w.config, m->opt.timestep) * m->opt.timestep;
-  bool jumped = false;
-  for (int i = 0; i < walls; ++i) {
-    if (!state[layout.known]) continue;
-    const mjtNum *stored = state + layout.poses + 7 * i, *p = w.end[i].position, *q = w.end[i].quaternion;
-    const double now[7] = {p[0], p[1], p[2], q[0], q[1], q[2], q[3]};
-    if (WayOfWall(w.walls[i].shape, w.walls[i].size, stored, now) <= reach) {
-      mju_copy3(w.start[i].position, stored);
-      mju_copy4(w.start[i].quaternion, stored + 3);
-    } else {
-      jumped = true;
-    }
-  }
-  if (jumped) {
+  const bool known = state[layout.known] != 0;
+  if (known && SweepWalls(reach, state + layout.poses, &w)) {
     std::snprintf(reason, sizeof(reason),
                   "a wall moves further than %g m in a step (max_speed, or 0.9 spacings in a substep): it counts as "
                   "teleported and may leave water behind.",
                   reach);
     Warn(m, d, instance, reason, mjWARN_BADQVEL);
   }
-  if (w.config.flexes) {
-    SweepVertices(state[layout.known] != 0, reach, state + layout.vertices, &w.flexes);
-  }
+  if (w.config.flexes) SweepVertices(known, reach, state + layout.vertices, &w.flexes);
   StorePoses(w.end, state + layout.poses);
   state[layout.known] = 1;
-  w.impulses.resize(walls);
+  w.impulses.resize(w.walls.size());
   const mjtNum none[3] = {0, 0, 0};
   const mjtNum* gravity = m->opt.disableflags & mjDSBL_GRAVITY ? none : m->opt.gravity;
   const bool counted =
