@@ -111,7 +111,7 @@ struct Kernels {
   void (*Collide)(const FluidConstants&, const Particles&, const WallPairs&, double* impulse);
 };
 
-extern const Kernels kScalarKernels;
+extern const Kernels kPortableKernels;
 #ifdef SOFTGYM_MJ_X86
 extern const Kernels kAvx2Kernels;
 #endif

@@ -52,7 +52,7 @@ const Kernels& ChooseKernels() {
 #ifdef SOFTGYM_MJ_X86
   if (UseAvx2()) return kAvx2Kernels;
 #endif
-  return kScalarKernels;
+  return kPortableKernels;
 }
 
 }  // namespace

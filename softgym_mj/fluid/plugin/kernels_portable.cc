@@ -3,5 +3,5 @@
 #include "kernels_impl.h"
 
 namespace softgym_mj {
-const Kernels kScalarKernels = kLoops;
+const Kernels kPortableKernels = kLoops;
 }  // namespace softgym_mj
