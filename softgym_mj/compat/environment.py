@@ -209,7 +209,7 @@ class OldEnv:
             LifecycleError: before the first reset, and after a step in which the simulation
                 diverged; that step returns done.
         """
-        if self.dm_env.started is None:
+        if self.dm_env.current_variation is None:
             raise LifecycleError("no episode has started: call reset() first")
         if self.dm_env.diverged:
             raise LifecycleError("the simulation has diverged: call reset() first")

@@ -39,7 +39,8 @@ class Environment(SimulatedEnvironment):
         name: task name.
         horizon: env steps in an episode.
         variations: variation indices from which `reset` draws.
-        started: variation of the current episode; None before the first reset.
+        current_variation: variation of the current episode; None before the first reset, and after
+            a start that diverges.
         step_count: env steps since reset; may be set to shorten an episode.
         diverged: whether the simulation diverged in the last env step.
         maker: makes another such environment from a `random_state`; set by `load`.
@@ -77,7 +78,7 @@ class Environment(SimulatedEnvironment):
         discarded.watch(self)
         self.name, self.horizon, self.variations = name, horizon, split_indices(split)
         self.maker: Callable[..., Environment] | None = None
-        self.started: int | None = None
+        self.current_variation: int | None = None
         self.step_count = 0
         self.diverged = False
         plain = Task.initialize_episode_mjcf, composer.Entity.initialize_episode_mjcf
@@ -122,7 +123,7 @@ class Environment(SimulatedEnvironment):
         return dm_env.TimeStep(dm_env.StepType.FIRST, None, None, observation)
 
     def _start(self, variation: int):
-        self.started = None  # Until the episode has started.
+        self.current_variation = None  # Until the episode has started.
         recompile = self._task.choose_variation(variation)
         self._hooks.initialize_episode_mjcf(self._random_state)
         if recompile or self._edits_mjcf:
@@ -134,7 +135,7 @@ class Environment(SimulatedEnvironment):
             reason = f"the start of variation {variation} of {self.name} diverges: {error}"
             raise SimulationError(reason) from error
         self.step_count, self.diverged = 0, False
-        self.started = variation
+        self.current_variation = variation
         self._reset_next_step = False
 
     def step(self, action: np.ndarray) -> dm_env.TimeStep:
@@ -181,12 +182,12 @@ class Environment(SimulatedEnvironment):
     def check_converged(self) -> None:
         """Raises `SimulationError` if the simulation diverged in the last env step."""
         if self.diverged:
-            raise SimulationError(f"variation {self.started} of {self.name} has diverged")
+            raise SimulationError(f"variation {self.current_variation} of {self.name} has diverged")
 
     def _ended_by_divergence(self) -> dm_env.TimeStep:
-        assert self.started is not None, "an episode runs"
+        assert self.current_variation is not None, "an episode runs"
         count, warnings = self.step_count, self._data.warning.number.copy()
-        self._start(self.started)
+        self._start(self.current_variation)
         self._data.warning.number[:] = warnings
         self.step_count, self.diverged, self._reset_next_step = count, True, True
         self._observation_updater.reset(self._physics_proxy, self._random_state)
@@ -207,7 +208,7 @@ class Environment(SimulatedEnvironment):
                 "an Environment that softgym_mj.load did not make cannot be copied or "
                 "pickled: make another one and use other.set_state(env.get_state())"
             )
-        snapshot = None if self.started is None else self.get_state()
+        snapshot = None if self.current_variation is None else self.get_state()
         return _remade, (self.maker, self._random_state.get_state(), snapshot)
 
     def get_state(self) -> Snapshot:
@@ -217,7 +218,7 @@ class Environment(SimulatedEnvironment):
             LifecycleError: before the first reset; after `close()`.
         """
         self._check_open()
-        if self.started is None:
+        if self.current_variation is None:
             raise LifecycleError("no episode has started: call reset() before get_state()")
         physics = np.empty(mujoco.mj_stateSize(self._model, _STATE))
         mujoco.mj_getState(self._model, self._data, physics, _STATE)
@@ -248,8 +249,8 @@ class Environment(SimulatedEnvironment):
         before = None
         try:
             variation = check_variation(snapshot.task["variation"])
-            if variation != self.started:
-                before = None if self.started is None else self.get_state()
+            if variation != self.current_variation:
+                before = None if self.current_variation is None else self.get_state()
                 self._start(variation)
             size = mujoco.mj_stateSize(self._model, _STATE)
             check_content(snapshot, size, self._task.get_state())

@@ -233,7 +233,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
 
     def __getstate__(self) -> dict[str, Any]:
         self._check_open()
-        state = self.get_state() if self.dm_env.started is not None else None
+        state = self.get_state() if self.dm_env.current_variation is not None else None
         copied = {name: vars(self)[name] for name in _COPIED if name in vars(self)}
         # A deep copy, because `copy.copy` must not share generators.
         return {**super().__getstate__(), "state": state, "copied": copy.deepcopy(copied)}

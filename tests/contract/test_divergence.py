@@ -34,7 +34,7 @@ class Spoiled(SoftGymEnv):
     """Diverges in the second env step of variation 4."""
 
     def step(self, action):
-        if self.dm_env.started == 4 and self.dm_env.step_count == 1:
+        if self.dm_env.current_variation == 4 and self.dm_env.step_count == 1:
             spoil(self.dm_env.task)
         return super().step(action)
 

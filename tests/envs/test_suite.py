@@ -112,7 +112,7 @@ def test_arguments_of_load():
     env = suite.load(
         "softgym", "straighten_rope", {"random": 3, "split": [801]}, {"horizon": 2}, False
     )
-    assert env.horizon == 2 and env.reset().first() and env.started == 801
+    assert env.horizon == 2 and env.reset().first() and env.current_variation == 801
     for task_kwargs, environment_kwargs, error in (
         ({"horizon": 3}, {"horizon": 2}, InvalidArgumentError),
         ({"random": 1}, {"random_state": 2}, InvalidArgumentError),
