@@ -215,7 +215,10 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
 
 def _seed_of_each(seed: Any, number: int) -> list[int | None]:
-    """Seeds from one, which the next has one more of, from a sequence, or from None."""
+    """Returns a seed per environment.
+
+    A number gives seed, seed + 1, ...; a sequence its entries; None no seeds.
+    """
     valid = f"a whole number, 0 or more, or {number} of them"
     try:
         if isinstance(seed, (int, np.integer)):
