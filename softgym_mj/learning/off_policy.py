@@ -145,8 +145,8 @@ class OffPolicy:
             every = ", ".join(f"{name}={getattr(settings, name)}" for name in names)
             valid = f"a multiple of {algorithm.period}" + f" ({every})" * bool(every)
             raise InvalidArgumentError("updates", settings.updates, valid)
-        self._few = CudaGraph(self._update, [*self.replay.sources, *algorithm.sources])
-        self._seen = 0  # Env steps of each seed so far.
+        self._run_period = CudaGraph(self._update, [*self.replay.sources, *algorithm.sources])
+        self._env_steps = 0  # Env steps of each seed so far.
 
     @property
     def updates(self) -> int:
@@ -159,32 +159,32 @@ class OffPolicy:
         """Returns actions and memory, as `Learner.act` does."""
         if not explore:
             return self._best(observation), None
-        if self._seen < self._settings.random_steps:
+        if self._env_steps < self._settings.random_steps:
             action = self._random(first, memory)
             return action, action
         return self.algorithm.act(observation, explore=True), None
 
     def _random(self, first: Tensor, before: Tensor | None) -> Tensor:
         """Returns random actions (seeds, n, action), some repeated from the env step before."""
-        number, lasting = first.shape[1], self._settings.action_hold
+        number, hold = first.shape[1], self._settings.action_hold
         fresh = any_actions(self._noise, number, self._problem.action)
-        if lasting == 1 or before is None:
+        if hold == 1 or before is None:
             return fresh
-        ends = drawn(self._noise, number, normal=False) * lasting < 1.0
+        ends = drawn(self._noise, number, normal=False) * hold < 1.0
         return torch.where((first | ends)[..., None], fresh, before)
 
     def learn(self, step: Step) -> dict[str, Tensor]:
         """Adds a vector step and updates the networks; returns losses (seeds,) by name."""
         self.replay.add(step)
-        learns = self._seen >= self._settings.random_steps
-        self._seen += self._problem.num_envs
+        learns = self._env_steps >= self._settings.random_steps
+        self._env_steps += self._problem.num_envs
         result: dict[str, Tensor] = {}
         if learns and self.replay.size >= self._settings.n_step:
             if self._settings.final_discount is not None:
-                self.replay.discount.fill_(self._settings.discount_at(self._seen))
+                self.replay.discount.fill_(self._settings.discount_at(self._env_steps))
             total = self.updates + self._settings.updates
             for _ in range(self._settings.updates // self.algorithm.period):
-                result = self._few()
+                result = self._run_period()
             self.algorithm.updates = total  # A CUDA graph does not run Python code.
         return result
 
@@ -210,7 +210,7 @@ class OffPolicy:
             "algorithm": self.algorithm.get_state(),
             "replay": self.replay.get_state(),
             "noise": [source.get_state() for source in self._noise],
-            "seen": self._seen,
+            "seen": self._env_steps,
         }
 
     def set_state(self, state: Mapping[str, Any]) -> None:
@@ -219,4 +219,4 @@ class OffPolicy:
         self.replay.set_state(state["replay"])
         for source, saved in zip(self._noise, state["noise"], strict=True):
             source.set_state(saved)
-        self._seen = state["seen"]
+        self._env_steps = state["seen"]

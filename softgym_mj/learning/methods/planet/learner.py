@@ -195,8 +195,8 @@ class PlaNet:
             settings.replay // problem.num_envs, problem.seeds, problem.num_envs,
             problem.observation, problem.action, discount=1.0, device=problem.device,
         )  # fmt: skip
-        self._few = CudaGraph(self._update, [*self.replay.sources, *self._sources])
-        self._seen = 0  # Env steps of each seed.
+        self._run_update = CudaGraph(self._update, [*self.replay.sources, *self._sources])
+        self._env_steps = 0  # Env steps of each seed.
 
     # ------------------------------------------------------------------ acting
 
@@ -219,7 +219,7 @@ class PlaNet:
         embedding = model.encoder(centered(observation, own.bits, shares))
         noise = drawn(sources, number, own.latent)
         latent = model.posterior(belief, embedding).sample(noise)
-        if explore and self._seen < own.random_steps:
+        if explore and self._env_steps < own.random_steps:
             action = any_actions(sources, number, model.action)
         else:
             with torch.autocast(belief.device.type, torch.bfloat16, enabled=own.bfloat16):
@@ -244,12 +244,12 @@ class PlaNet:
         """Adds a vector step and updates the networks; returns losses (seeds,) by name."""
         own = self.settings
         self.replay.add(step)
-        learns = self._seen >= own.random_steps and self.replay.size >= own.length - 1
-        self._seen += self.problem.num_envs
+        learns = self._env_steps >= own.random_steps and self.replay.size >= own.length - 1
+        self._env_steps += self.problem.num_envs
         result: dict[str, Tensor] = {}
         if learns:
             for _ in range(own.updates):
-                result = self._few()
+                result = self._run_update()
             self.updates += own.updates
         return result
 
@@ -278,7 +278,7 @@ class PlaNet:
             "random": [source.get_state() for source in self._sources],
             "replay": self.replay.get_state(),
             "updates": self.updates,
-            "seen": self._seen,
+            "seen": self._env_steps,
         }
 
     def set_state(self, state: Mapping[str, Any]) -> None:
@@ -288,7 +288,7 @@ class PlaNet:
         for source, saved in zip(self._sources, state["random"], strict=True):
             source.set_state(saved)
         self.replay.set_state(state["replay"])
-        self.updates, self._seen = state["updates"], state["seen"]
+        self.updates, self._env_steps = state["updates"], state["seen"]
 
 
 def make(settings: PlaNetSettings, problem: Problem) -> PlaNet:

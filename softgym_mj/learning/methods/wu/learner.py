@@ -201,7 +201,7 @@ class Picking(OffPolicy):
             memory = memory or generators(self._problem.seeds, self._problem.device)
             return self.algorithm.best(observation, memory), memory
         action, _ = super().act(observation, first, memory, explore=True)
-        if self._seen < self._settings.random_steps:
+        if self._env_steps < self._settings.random_steps:
             action[..., :PICK] = self.algorithm.draw_pick(observation)
         return action, None
 
