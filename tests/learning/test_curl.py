@@ -87,7 +87,7 @@ def test_targets_of_the_encoder_follow_faster():
             parameter.fill_(1.0)
         for parameter in target.parameters():
             parameter.fill_(0.0)
-    curl._follow()
+    curl._update_targets()
     for parameter in target.seen.parameters():
         torch.testing.assert_close(parameter, torch.full_like(parameter, weight))
     for parameter in target.body.parameters():

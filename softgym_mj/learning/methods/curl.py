@@ -112,7 +112,7 @@ class CURL(PixelSAC):
         shares = self.contrast(self.critics.seen(anchors), keys).log_softmax(-1)
         return -shares.diagonal(dim1=-2, dim2=-1).mean(-1)
 
-    def _follow(self) -> None:
+    def _update_targets(self) -> None:
         polyak_update(self.targets.body, self.critics.body, self.settings.tau)
         polyak_update(self.targets.seen, self.critics.seen, self.settings.encoder_tau)
 

@@ -154,7 +154,7 @@ class SAC:
 
     # ------------------------------------------------------------------ losses
 
-    def _judged(self, values: Tensor) -> Tensor:
+    def _reduce_critics(self, values: Tensor) -> Tensor:
         """Combines the critics' values (critics, seeds, n) to one (seeds, n): their minimum."""
         return values.amin(0)
 
@@ -162,7 +162,7 @@ class SAC:
         """Returns critic targets (seeds, n); arguments are those of `critic_loss`."""
         with torch.no_grad():
             action, density = self.actor.sample(batch.next_observation, noise)
-            value = self._judged(self.targets(batch.next_observation, action))
+            value = self._reduce_critics(self.targets(batch.next_observation, action))
             value = value - self.alpha[:, None] * density
             return batch.reward + batch.discount * value
 
@@ -184,7 +184,7 @@ class SAC:
             noise: Standard normal noise of actions (seeds, n, action).
         """
         action, density = self.actor.sample(batch.observation, noise)
-        value = self._judged(self.critics(batch.observation, action))
+        value = self._reduce_critics(self.critics(batch.observation, action))
         actor = (self.alpha[:, None] * density - value).mean(-1)
         target = self.settings.target_entropy * action.shape[-1]
         surplus = (-density - target).detach().mean(-1)
@@ -194,7 +194,7 @@ class SAC:
         """Makes one update from a batch; returns losses and entropy weights (seeds,) by name."""
         size = batch.action.shape[1:]
         if self.settings.lr_halving_period:
-            self._halve()
+            self._set_learning_rates()
         loss = self._critic_loss(batch, self._noise(*size))
         step(self._critic_adam, loss)
         result = {"critic_loss": loss.detach(), "alpha": self.alpha}
@@ -208,17 +208,17 @@ class SAC:
             self.critics.requires_grad_(True)
             result["actor_loss"] = actor.detach()
         if self.updates % self.settings.target_every == 0:
-            self._follow()
+            self._update_targets()
         return result
 
-    def _halve(self) -> None:
+    def _set_learning_rates(self) -> None:
         """Sets the learning rates of this update."""
         share = torch.exp2(-(self._done // self.settings.lr_halving_period).float())
         self._actor_adam.param_groups[0]["lr"].copy_(self.settings.actor_rate * share)
         self._critic_adam.param_groups[0]["lr"].copy_(self.settings.critic_rate * share)
         self._done += 1
 
-    def _follow(self) -> None:
+    def _update_targets(self) -> None:
         """Updates the target critics."""
         polyak_update(self.targets, self.critics, self.settings.tau)
 

@@ -63,7 +63,7 @@ class TQC(SAC):
 
     settings: TQCSettings
 
-    def _judged(self, values: Tensor) -> Tensor:
+    def _reduce_critics(self, values: Tensor) -> Tensor:
         """Returns means (seeds, n) of quantiles (critics, seeds, n, quantiles)."""
         return values.mean((0, -1))
 

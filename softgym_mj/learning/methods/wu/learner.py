@@ -140,7 +140,7 @@ class PickAndPlace(SAC):
             critic.judge(features, flat, place)[..., 0].unflatten(1, (-1, pixels))
             for critic, features in zip(self.critics.pair, pair, strict=True)
         ]
-        value = self._judged(torch.stack(judged)).where(mask.gather(-1, order), -math.inf)
+        value = self._reduce_critics(torch.stack(judged)).where(mask.gather(-1, order), -math.inf)
         number = (self.settings.best_share * count).ceil().long()
         rank = whole_numbers(shares, number)[..., None]
         at = value.argsort(-1, descending=True).gather(-1, rank)[..., None]
