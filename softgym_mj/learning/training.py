@@ -90,7 +90,7 @@ class Training(TrainingSetup):
                     self._end_early()
                 else:
                     self._catch_up()
-                progress(self, self._told_of(news))
+                progress(self, self._as_lists(news))
             self._export()
         self.phase = "ended"
         self._envs.close()
@@ -142,7 +142,7 @@ class Training(TrainingSetup):
             self._step += 1
             before = (self.env_steps - settings.num_envs) * points // settings.env_steps
             if self._step < steps and before < self.env_steps * points // settings.env_steps:
-                progress(self._told_of(news))
+                progress(self._as_lists(news))
             if self._step < steps and self._is_over():
                 return news
             if self._step < steps and time.monotonic() > self._due:
@@ -150,7 +150,7 @@ class Training(TrainingSetup):
         self.done, self._step, self._actions, self._memory = self.done + 1, 0, [], None
         return news
 
-    def _told_of(self, news: Mapping[str, Tensor]) -> dict[str, list[float]]:
+    def _as_lists(self, news: Mapping[str, Tensor]) -> dict[str, list[float]]:
         """Returns metrics as lists, with scores of episodes since the last call."""
         result = {**news, **self._explorer.scores()}
         return {name: value.tolist() for name, value in result.items()}
