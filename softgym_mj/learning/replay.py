@@ -91,12 +91,12 @@ class Replay(Ring):
         # The samples of a seed do not depend on the other seeds.
         shares = drawn(self.sources, 3, number, normal=False)
         first = whole_numbers(shares[:, 0], size - (self._steps - 1))
-        batch = self._added_up(
+        batch = self._n_step_batch(
             (oldest + first) % self._capacity, whole_numbers(shares[:, 1], self._num_envs)
         )
         if self._symmetries is None:
             return batch
-        return _shown(
+        return _transform(
             batch, whole_numbers(shares[:, 2], len(self._symmetries[0])), *self._symmetries
         )
 
@@ -114,7 +114,7 @@ class Replay(Ring):
         env_index = whole_numbers(shares[:, 1], self._num_envs)[..., None]
         return Step(*(self.arrays[name][at, seed, env_index] for name in Step._fields))
 
-    def _added_up(self, first: Tensor, env_index: Tensor) -> Batch:
+    def _n_step_batch(self, first: Tensor, env_index: Tensor) -> Batch:
         """Returns the batch that starts at these vector steps and environments (seeds, number)."""
         seed = torch.arange(len(self.sources), device=first.device)[:, None]
         arrays = self.arrays
@@ -142,7 +142,7 @@ class Replay(Ring):
         return min(self.size, -(-NEWEST_IMAGES // self._num_envs))
 
 
-def _shown(
+def _transform(
     batch: Batch, which: Tensor, orders: Tensor, signs: Tensor, of_actions: Tensor, turns: Tensor
 ) -> Batch:
     """Transforms each step by the symmetry of an index (seeds, n), given by orders and signs."""
