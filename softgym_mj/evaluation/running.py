@@ -18,7 +18,7 @@ from softgym_mj.evaluation.folder import open_folder
 from softgym_mj.evaluation.rows import MOST, check_policy, play_rows
 from softgym_mj.evaluation.statistics import methods, secondary_metrics, summary
 from softgym_mj.exceptions import check_name
-from softgym_mj.parallel.executors import Executor, SerialExecutor, Together
+from softgym_mj.parallel.executors import BatchExecutor, Executor, SerialExecutor
 from softgym_mj.policies.exported import has_images
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.policies.model_predictive import ModelPredictivePolicy
@@ -112,7 +112,7 @@ def evaluate(
         play = functools.partial(
             play_rows, task, settings, policy, trust, device, on_step=progress.on_step
         )
-        executor = Together(MOST)
+        executor = BatchExecutor(MOST)
     else:
         sent = sent_to(executor, configuration.task)
         written_settings = json.dumps(dict(configuration.settings), sort_keys=True)
@@ -177,7 +177,7 @@ def _planned(
         pairs = zip(envs, calls, strict=False)  # The last group may be smaller.
         return answered([episode(env, *call) for env, call in pairs], rollouts)
 
-    return play, Together(most)
+    return play, BatchExecutor(most)
 
 
 def play_episode(

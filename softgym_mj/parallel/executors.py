@@ -72,7 +72,7 @@ class SerialExecutor(Executor):
             yield index, function(*call)
 
 
-class Together(Executor):
+class BatchExecutor(Executor):
     """Executor of a batched function, which maps a list of calls to the list of their results."""
 
     number = 1

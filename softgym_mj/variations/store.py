@@ -14,7 +14,7 @@ import numpy as np
 from softgym_mj.batch.device import Device
 from softgym_mj.exceptions import StoreError
 from softgym_mj.native.caches import CACHE_VARIABLE, cache_folder
-from softgym_mj.parallel.executors import Executor, Together
+from softgym_mj.parallel.executors import BatchExecutor, Executor
 from softgym_mj.storage.store import ARRAYS, Key, Store
 from softgym_mj.variations import packs
 from softgym_mj.variations.indices import Start, check_variation
@@ -104,7 +104,8 @@ class VariationStore(Store):
         """
         function: Callable = self._start.generate
         if device is not None:
-            function, executor = functools.partial(_together, self._start, device), Together(_MOST)
+            function = functools.partial(_together, self._start, device)
+            executor = BatchExecutor(_MOST)
         return self.run(
             [check_variation(index) for index in indices],
             function,
