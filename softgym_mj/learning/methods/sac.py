@@ -131,10 +131,9 @@ class SAC:
     def _networks(self, observation: int, action: int) -> tuple[Actor, nn.Module]:
         """Returns new actor and critics."""
         settings, sizes = self.settings, (observation, action, self.settings.hidden)
-        number, outputs = getattr(settings, "critics", 2), getattr(settings, "quantiles", 1)
         return (
             Actor(self.sources, *sizes, settings.log_std),
-            Critics(self.sources, *sizes, norm=settings.norm, number=number, outputs=outputs),
+            Critics(self.sources, *sizes, norm=settings.norm),
         )
 
     @property

@@ -8,12 +8,13 @@ the mean of all quantiles.
 import dataclasses
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from softgym_mj.exceptions import check_count
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods import sac
 from softgym_mj.learning.methods.sac import SAC, StateSACSettings
+from softgym_mj.learning.networks import Actor, Critics
 from softgym_mj.learning.off_policy import OffPolicy
 from softgym_mj.learning.replay import Batch
 from softgym_mj.validation import typed
@@ -62,6 +63,14 @@ class TQC(SAC):
     """Soft actor-critic with truncated quantile critics."""
 
     settings: TQCSettings
+
+    def _networks(self, observation: int, action: int) -> tuple[Actor, nn.Module]:
+        settings, sizes = self.settings, (observation, action, self.settings.hidden)
+        number, outputs = settings.critics, settings.quantiles
+        return (
+            Actor(self.sources, *sizes, settings.log_std),
+            Critics(self.sources, *sizes, norm=settings.norm, number=number, outputs=outputs),
+        )
 
     def _reduce_critics(self, values: Tensor) -> Tensor:
         """Returns means (seeds, n) of quantiles (critics, seeds, n, quantiles)."""
