@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from softgym_mj.learning.learner import Problem
-from softgym_mj.learning.methods.sac import SAC, SACSettings, make
+from softgym_mj.learning.methods.sac import SAC, SACSettings, StateSACSettings, make
 from softgym_mj.learning.networks import Actor, Linear, drawn, generators
 from softgym_mj.learning.replay import Batch
 from tests.learning.plain_layers import plain_network
@@ -115,7 +115,7 @@ def test_it_learns_to_reach_a_point():
 
 def test_random_actions_last_as_long_as_they_are_told_to():
     lasting, num_envs, steps = 4, 50, 200
-    settings = SACSettings(
+    settings = StateSACSettings(
         hidden=(4,), random_steps=num_envs * steps, action_hold=lasting, replay=num_envs * steps
     )
     problem = Problem("straighten_rope", {}, (0, 1), num_envs, (OBSERVATION,), ACTION, 1.0, "cpu")

@@ -124,9 +124,6 @@ class SAC:
         self._alpha_adam = adam([self.log_alpha], settings.alpha_rate, settings.alpha_beta)
         self.updates, self.period = 0, math.lcm(settings.actor_every, settings.target_every)
         self._critic_loss, self._actor_losses = self.critic_loss, self.actor_losses
-        if getattr(settings, "fused", False) and torch.device(device).type == "cuda":
-            self._critic_loss = torch.compile(self.critic_loss, dynamic=False)
-            self._actor_losses = torch.compile(self.actor_losses, dynamic=False)
 
     def _networks(self, observation: int, action: int) -> tuple[Actor, nn.Module]:
         """Returns new actor and critics."""
@@ -135,6 +132,11 @@ class SAC:
             Actor(self.sources, *sizes, settings.log_std),
             Critics(self.sources, *sizes, norm=settings.norm),
         )
+
+    def fuse(self) -> None:
+        """Compiles the losses to fused kernels."""
+        self._critic_loss = torch.compile(self.critic_loss, dynamic=False)
+        self._actor_losses = torch.compile(self.actor_losses, dynamic=False)
 
     @property
     def alpha(self) -> Tensor:
@@ -260,10 +262,12 @@ class SAC:
         return self._actor_adam, self._critic_adam, self._alpha_adam
 
 
-def make(settings: SACSettings, problem: Problem, kind: type[SAC] = SAC) -> OffPolicy:
+def make(settings: StateSACSettings, problem: Problem, kind: type[SAC] = SAC) -> OffPolicy:
     """Returns the `Learner` of a problem, with an algorithm of a kind."""
     if settings.symmetric:
         check_observed("symmetric", problem.observed)
     (size,) = problem.observation
     algorithm = kind(settings, problem.seeds, size, problem.action, problem.device)
+    if settings.fused and torch.device(problem.device).type == "cuda":
+        algorithm.fuse()
     return OffPolicy(settings, problem, algorithm)
