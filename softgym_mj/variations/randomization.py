@@ -24,8 +24,8 @@ PRESETS = {
 }
 FABRICS = "fabrics"  # Instead of a preset: sheets of random fabrics.
 KINDS = {
-    "physics": "what is felt",
-    "visual": "what is only seen, in images",
+    "physics": "changes motion",
+    "visual": "changes images only",
     "sensor": "faults of the sensor, in images; as visual if not given",
 }
 
