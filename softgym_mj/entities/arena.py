@@ -16,18 +16,22 @@ from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.rendering.look import FAST, TEXT, Look
 from softgym_mj.rendering.observables import EXTERNAL
 from softgym_mj.variations.parametric import Parametric
-from softgym_mj.variations.randomization import Adjustable, shifted
+from softgym_mj.variations.randomization import Adjustable, shifted_parameter
 
 _SHIFTS = tuple(
-    shifted(f"camera_{axis}", "m", 0.02, 0.1, f"shift of the task's camera along {what}", "visual")
+    shifted_parameter(
+        f"camera_{axis}", "m", 0.02, 0.1, f"shift of the task's camera along {what}", "visual"
+    )
     for axis, what in zip("xyz", "XYZ", strict=True)
 )
 # Rotations about the camera's own axes: right, up and backward.
 _TURNS = tuple(
-    shifted(f"camera_{turn}", "deg", 1.0, 5.0, f"turn of the task's camera {how}", "visual")
+    shifted_parameter(
+        f"camera_{turn}", "deg", 1.0, 5.0, f"turn of the task's camera {how}", "visual"
+    )
     for turn, how in (("tilt", "upward"), ("pan", "to the left"), ("roll", "counter-clockwise"))
 )
-_ZOOM = shifted(
+_ZOOM = shifted_parameter(
     "camera_fov", "deg", 1.5, 6.0, "change of the task's camera's field of view", "visual"
 )
 SOLIDS = ("box", "sphere", "capsule", "cylinder", "ellipsoid", "mesh", "hfield")

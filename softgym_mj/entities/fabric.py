@@ -7,7 +7,12 @@ from softgym_mj.cloth import fabrics
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.rendering.patterns import FABRICS
 from softgym_mj.validation import typed
-from softgym_mj.variations.randomization import Parameter, chosen, scaled, shifted
+from softgym_mj.variations.randomization import (
+    Parameter,
+    choice_parameter,
+    scaled_parameter,
+    shifted_parameter,
+)
 
 # [m] Resting height in SoftGym is 5 mm; two layers then rest 10 mm apart (FleX: 11.25 mm).
 THICKNESS = 0.01
@@ -140,12 +145,14 @@ class Fabric:
     def parameters(self) -> tuple[Parameter, ...]:
         """Domain parameters of a sheet of this fabric."""
         return (
-            scaled(
+            scaled_parameter(
                 "stretch_stiffness", "N/m", self.stretch_stiffness, 1.4, 2.0,
                 "force per width and strain",
             ),
-            scaled("shear", "", self.shear, 1.4, 2.0, "stiffness of diagonals over that of edges"),
-            scaled(
+            scaled_parameter(
+                "shear", "", self.shear, 1.4, 2.0, "stiffness of diagonals over that of edges"
+            ),
+            scaled_parameter(
                 "bend_stiffness", "N m", self.bend_stiffness, 2.0, 5.0,
                 "moment per width and curvature",
             ),
@@ -155,12 +162,16 @@ class Fabric:
                 "stiffening", "", self.stiffening, (self.stiffening,) * 2,
                 (0.0, _MOST_STIFFENING), "growth of the stretch stiffness with strain",
             ),
-            scaled("stretch_damping", "s", self.stretch_damping, 2.0, 5.0, "damping time"),
-            scaled("bend_damping", "s", self.bend_damping, 2.0, 5.0, "damping time"),
-            scaled("density", "kg/m^2", self.density, 1.4, 2.0, "mass per area"),
-            scaled("thickness", "m", self.thickness, 1.2, 1.6, "distance of layers"),
-            scaled("friction", "", self.friction, 1.2, 1.6, "friction on the floor"),
-            scaled("layer_friction", "", self.layer_friction, 1.2, 1.6, "friction between layers"),
+            scaled_parameter(
+                "stretch_damping", "s", self.stretch_damping, 2.0, 5.0, "damping time"
+            ),
+            scaled_parameter("bend_damping", "s", self.bend_damping, 2.0, 5.0, "damping time"),
+            scaled_parameter("density", "kg/m^2", self.density, 1.4, 2.0, "mass per area"),
+            scaled_parameter("thickness", "m", self.thickness, 1.2, 1.6, "distance of layers"),
+            scaled_parameter("friction", "", self.friction, 1.2, 1.6, "friction on the floor"),
+            scaled_parameter(
+                "layer_friction", "", self.layer_friction, 1.2, 1.6, "friction between layers"
+            ),
             Parameter(
                 "drag", "", self.drag, (0.5 * self.drag, 1.5 * self.drag),
                 (0.0, 2.0 * self.drag), "drag coefficient of air along the normal",
@@ -169,11 +180,11 @@ class Fabric:
                 "added_mass", "kg/m^2", self.added_mass, (0.0, max(self.added_mass, 0.1)),
                 (0.0, max(2.0 * self.added_mass, 0.5)), "added mass of air",
             ),
-            shifted("hue", "deg", 20.0, 90.0, "hue rotation of colors", "visual"),
+            shifted_parameter("hue", "deg", 20.0, 90.0, "hue rotation of colors", "visual"),
             Parameter(
                 "brightness", "", 1.0, (0.8, 1.0), (0.65, 1.0), "factor on colors", "visual"
             ),
-            chosen("pattern", FABRICS, 3, "pattern of the front, fainter on the back"),
+            choice_parameter("pattern", FABRICS, 3, "pattern of the front, fainter on the back"),
         )  # fmt: skip
 
 
@@ -184,7 +195,7 @@ _MOST_BEND = 1e-3  # [N m] Upper limit, stiffer than any fabric.
 def _of_plates(name: str, nominal: float, summary: str) -> Parameter:
     """Returns a stiffness parameter that presets do not vary, unless the sheet is a plate."""
     if nominal > 0.0:
-        return scaled(name, "N m", nominal, 2.0, 5.0, summary)
+        return scaled_parameter(name, "N m", nominal, 2.0, 5.0, summary)
     return Parameter(name, "N m", 0.0, (0.0, 0.0), (0.0, _MOST_BEND), summary)
 
 

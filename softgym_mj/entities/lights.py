@@ -9,7 +9,13 @@ from dm_control import mjcf
 from softgym_mj.rendering import look as looks
 from softgym_mj.rendering.look import Light, Look
 from softgym_mj.variations.parametric import Parametric
-from softgym_mj.variations.randomization import Parameter, choice, chosen, scaled, shifted
+from softgym_mj.variations.randomization import (
+    Parameter,
+    choice_parameter,
+    decode_choice,
+    scaled_parameter,
+    shifted_parameter,
+)
 
 DISTANCE = 3.0  # [m] Distance of the lights from the middle of the scene.
 WHITE = 6500.0  # [K] Daylight: the white balance of cameras.
@@ -47,18 +53,24 @@ class Lights(Parametric):
     """Lights, placed relative to the task's camera."""
 
     parameters = (
-        shifted("light_azimuth", "deg", 40.0, 150.0, "rotation of the key light about Z", "visual"),
+        shifted_parameter(
+            "light_azimuth", "deg", 40.0, 150.0, "rotation of the key light about Z", "visual"
+        ),
         Parameter(
             "light_elevation", "deg", looks.LIGHTS[0].elevation, (40.0, 70.0), (25.0, 85.0),
             "elevation of the key light", "visual",
         ),
-        scaled("light_brightness", "", 1.0, 1.15, 1.4, "factor on the key light", "visual"),
+        scaled_parameter(
+            "light_brightness", "", 1.0, 1.15, 1.4, "factor on the key light", "visual"
+        ),
         Parameter(
             "light_temperature", "K", WHITE, (4500.0, 8500.0), (2800.0, 14000.0),
             "color of the key light", "visual",
         ),
-        scaled("ambient_brightness", "", 1.0, 1.15, 1.3, "factor on ambient light", "visual"),
-        chosen("lamps", LAMPS, 2, "further lamps with shadows"),
+        scaled_parameter(
+            "ambient_brightness", "", 1.0, 1.15, 1.3, "factor on ambient light", "visual"
+        ),
+        choice_parameter("lamps", LAMPS, 2, "further lamps with shadows"),
     )  # fmt: skip
 
     def __init__(self, root: mjcf.RootElement, middle: float, camera: float, look: Look):
@@ -94,7 +106,7 @@ class Lights(Parametric):
         self._lights = [
             self._add(turned, brightness * warmth(temperature)),
             *(self._add(light, ambient) for light in others),
-            *(self._add(lamp, 1.0) for lamp in lamps(*choice(values["lamps"], len(LAMPS)))),
+            *(self._add(lamp, 1.0) for lamp in lamps(*decode_choice(values["lamps"], len(LAMPS)))),
         ]
 
     def _add(self, light: Light, factor: float | np.ndarray) -> mjcf.Element:

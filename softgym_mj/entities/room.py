@@ -9,7 +9,14 @@ from softgym_mj.rendering import look as looks
 from softgym_mj.rendering.look import Color, Look, Surface
 from softgym_mj.rendering.textures import granite, plaster, printed, tiles, wood
 from softgym_mj.variations.parametric import Parametric
-from softgym_mj.variations.randomization import Parameter, choice, chosen, scaled, shifted, tinted
+from softgym_mj.variations.randomization import (
+    Parameter,
+    choice_parameter,
+    decode_choice,
+    scaled_parameter,
+    shifted_parameter,
+    tinted,
+)
 
 # [m] Table: half its sides, thickness of its top, height above the floor of the room.
 HALF_SIDES, TOP, HEIGHT = (1.3, 1.1), 0.04, 0.75
@@ -49,9 +56,9 @@ class Room(Parametric):
     """Table with its top at z = 0, and the room around it."""
 
     parameters = (
-        chosen("table_pattern", tuple(TABLES), 3, "pattern of the table"),
-        scaled("table_scale", "", 1.0, 1.5, 2.5, "size of the table's pattern", "visual"),
-        shifted("table_hue", "deg", 25.0, 180.0, "hue rotation of the table", "visual"),
+        choice_parameter("table_pattern", tuple(TABLES), 3, "pattern of the table"),
+        scaled_parameter("table_scale", "", 1.0, 1.5, 2.5, "size of the table's pattern", "visual"),
+        shifted_parameter("table_hue", "deg", 25.0, 180.0, "hue rotation of the table", "visual"),
         Parameter(
             "table_saturation", "", 0.0, (0.0, 0.1), (0.0, 0.4), "added saturation of the table",
             "visual",
@@ -60,7 +67,9 @@ class Room(Parametric):
             "table_brightness", "", 1.0, (0.75, 1.0), (0.5, 1.0), "factor on the table's color",
             "visual",
         ),
-        shifted("backdrop_hue", "deg", 40.0, 180.0, "hue rotation of sky and room", "visual"),
+        shifted_parameter(
+            "backdrop_hue", "deg", 40.0, 180.0, "hue rotation of sky and room", "visual"
+        ),
         Parameter(
             "backdrop_saturation", "", 0.0, (0.0, 0.1), (0.0, 0.4), "added saturation of backdrop",
             "visual",
@@ -100,7 +109,7 @@ class Room(Parametric):
         self._set_parameters()
 
     def _set_parameters(self) -> None:
-        index, seed = choice(self._values["table_pattern"], len(TABLES))
+        index, seed = decode_choice(self._values["table_pattern"], len(TABLES))
         texture, color = list(TABLES.values())[index]
         self._texture.file = texture(self._size, self._tinted("table", color), seed)
         repeat = 1.0 / self._values["table_scale"]

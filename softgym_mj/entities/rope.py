@@ -14,7 +14,14 @@ from softgym_mj.rendering.skins import DRAWN_SKINS, SHOWN_FLEXES, still
 from softgym_mj.rendering.surfaces import ROPE_SKIN, rope_shape
 from softgym_mj.rendering.textures import strands
 from softgym_mj.validation import typed
-from softgym_mj.variations.randomization import Parameter, choice, chosen, scaled, shifted, tinted
+from softgym_mj.variations.randomization import (
+    Parameter,
+    choice_parameter,
+    decode_choice,
+    scaled_parameter,
+    shifted_parameter,
+    tinted,
+)
 
 # [m] Natural length. SoftGym counts a rope of this length as straight; its own relaxed rope is 7.5
 # % longer.
@@ -35,14 +42,14 @@ FRICTION = 1.0  # SoftGym's friction of the rope against shapes and floor.
 COLOR = (0.05, 0.25, 0.68, 1.0)  # SoftGym's blue, darker: it stands out from a bright table.
 
 PARAMETERS = (
-    scaled("stretch_stiffness", "N", STRETCH_STIFFNESS, 1.4, 2.0, "force per strain"),
-    scaled("bend_stiffness", "N m^2", BEND_STIFFNESS, 2.0, 5.0, "moment per curvature"),
-    scaled("bend_damping", "s", BEND_DAMPING, 2.0, 5.0, "damping time"),
-    scaled("density", "kg/m", MASS / LENGTH, 1.4, 2.0, "mass per length"),
-    scaled("friction", "", FRICTION, 1.2, 1.6, "friction on the floor and on itself"),
-    shifted("hue", "deg", 20.0, 90.0, "hue rotation of colors", "visual"),
+    scaled_parameter("stretch_stiffness", "N", STRETCH_STIFFNESS, 1.4, 2.0, "force per strain"),
+    scaled_parameter("bend_stiffness", "N m^2", BEND_STIFFNESS, 2.0, 5.0, "moment per curvature"),
+    scaled_parameter("bend_damping", "s", BEND_DAMPING, 2.0, 5.0, "damping time"),
+    scaled_parameter("density", "kg/m", MASS / LENGTH, 1.4, 2.0, "mass per length"),
+    scaled_parameter("friction", "", FRICTION, 1.2, 1.6, "friction on the floor and on itself"),
+    shifted_parameter("hue", "deg", 20.0, 90.0, "hue rotation of colors", "visual"),
     Parameter("brightness", "", 1.0, (0.75, 1.25), (0.5, 1.45), "factor on colors", "visual"),
-    chosen("pattern", ROPES, 2, "pattern of the strands"),
+    choice_parameter("pattern", ROPES, 2, "pattern of the strands"),
 )
 
 
@@ -127,7 +134,7 @@ class Rope(Flex):
         flexcomp.contact.friction = [values["friction"]]
         color = tinted(self._color, values["hue"], brightness=values["brightness"])
         flexcomp.rgba = color
-        index, seed = choice(values["pattern"], len(ROPES))
+        index, seed = decode_choice(values["pattern"], len(ROPES))
         self._mjcf_root.find("texture", "strands").file = strands(
             self._look, color[:3], ROPE.lobes, ROPES[index], seed
         )

@@ -15,7 +15,7 @@ from softgym_mj.rendering.look import FABRIC, FAST, Look
 from softgym_mj.rendering.patterns import FABRICS
 from softgym_mj.rendering.skins import HIDDEN_FLEXES, SkinFile, closed
 from softgym_mj.rendering.textures import weave
-from softgym_mj.variations.randomization import choice, tinted
+from softgym_mj.variations.randomization import decode_choice, tinted
 
 FRONT_COLOR = (0.80, 0.14, 0.33, 1.0)  # Raspberry and cream: the contrast of SoftGym's
 BACK_COLOR = (0.93, 0.79, 0.56, 1.0)  # pink and orange, in hue and in lightness.
@@ -102,7 +102,7 @@ class Sheet(Flex):
             tinted(color[:3], values["hue"], brightness=values["brightness"])
             for color in self._colors
         )
-        index, seed = choice(values["pattern"], len(FABRICS))
+        index, seed = decode_choice(values["pattern"], len(FABRICS))
         self._mjcf_root.find("texture", "weave").file = weave(
             self._look, (front, back), self._has_strip, FABRICS[index], seed
         )

@@ -13,7 +13,12 @@ from softgym_mj.rendering.skins import DRAWN_SKINS, loose_triangles
 from softgym_mj.rendering.surfaces import PARTICLES, WATER_INSTANCE, WATER_SKIN
 from softgym_mj.validation import typed
 from softgym_mj.variations.parametric import Parametric
-from softgym_mj.variations.randomization import Parameter, scaled, shifted, tinted
+from softgym_mj.variations.randomization import (
+    Parameter,
+    scaled_parameter,
+    shifted_parameter,
+    tinted,
+)
 
 TIMESTEP = 0.01  # [s] A sim step; deeper water has more substeps.
 MOST_PARTICLES = 200_000  # Limit of the plugin: a step of this many takes about 0.1 s.
@@ -107,10 +112,16 @@ class Water(composer.Entity, Parametric):
         """
         load_plugin()
         self.parameters = (
-            scaled("viscosity", "m^2/s", liquid.viscosity, 2.0, 5.0, "kinematic viscosity"),
-            scaled("cohesion", "m/s^2", liquid.cohesion, 1.4, 2.0, "attraction of particles"),
-            scaled("wall_friction", "", liquid.friction, 2.0, 5.0, "friction on the walls of cups"),
-            shifted("hue", "deg", 20.0, 90.0, "hue rotation of colors", "visual"),
+            scaled_parameter(
+                "viscosity", "m^2/s", liquid.viscosity, 2.0, 5.0, "kinematic viscosity"
+            ),
+            scaled_parameter(
+                "cohesion", "m/s^2", liquid.cohesion, 1.4, 2.0, "attraction of particles"
+            ),
+            scaled_parameter(
+                "wall_friction", "", liquid.friction, 2.0, 5.0, "friction on the walls of cups"
+            ),
+            shifted_parameter("hue", "deg", 20.0, 90.0, "hue rotation of colors", "visual"),
             Parameter(
                 "opacity",
                 "",

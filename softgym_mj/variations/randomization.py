@@ -98,7 +98,7 @@ class Parameter:
         return ranges[-1][1]
 
 
-def scaled(
+def scaled_parameter(
     name: str,
     unit: str,
     nominal: float,
@@ -112,25 +112,25 @@ def scaled(
     return Parameter(name, unit, nominal, within, accepted, summary, kind)
 
 
-def shifted(
+def shifted_parameter(
     name: str, unit: str, usual: float, valid: float, summary: str, kind: str = "physics"
 ) -> Parameter:
     """Returns a parameter that is nominally 0 and varies by +-`usual` and +-`valid`."""
     return Parameter(name, unit, 0.0, (-usual, usual), (-valid, valid), summary, kind)
 
 
-def chosen(name: str, choices: Sequence[str], usual: int, summary: str) -> Parameter:
+def choice_parameter(name: str, choices: Sequence[str], usual: int, summary: str) -> Parameter:
     """Returns a visual parameter whose integer part selects a choice; the first is nominal.
 
-    The first `usual` choices are in distribution. `choice` derives further randomness from the
-    fractional part.
+    The first `usual` choices are in distribution. `decode_choice` derives further randomness from
+    the fractional part.
     """
     listed = ", ".join(f"{i} {choice}" for i, choice in enumerate(choices))
     valid = (0.0, float(len(choices)))
     return Parameter(name, "", 0.0, (0.0, float(usual)), valid, f"{summary}: {listed}", "visual")
 
 
-def choice(value: float, number: int) -> tuple[int, int]:
+def decode_choice(value: float, number: int) -> tuple[int, int]:
     """Returns the selected one of `number` choices, and a seed from the fractional part."""
     index = min(int(value), number - 1)
     return index, int((value - index) * 2**32)

@@ -12,7 +12,12 @@ from softgym_mj.entities import Fabric
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cloth import DEFAULT_DIMS, Cloth
 from softgym_mj.exceptions import InvalidArgumentError, SnapshotError
-from softgym_mj.variations.randomization import DomainRandomization, scaled, shifted, tinted
+from softgym_mj.variations.randomization import (
+    DomainRandomization,
+    scaled_parameter,
+    shifted_parameter,
+    tinted,
+)
 
 # Attributes of the cloth plugin, and the domain parameters of a cloth that they are.
 MATERIAL = {
@@ -32,8 +37,8 @@ class Part:
     """A scene's part that notes what it is told."""
 
     parameters = (
-        scaled("weight", "kg", 2.0, 1.5, 3.0, ""),
-        shifted("offset", "m", 0.1, 0.5, ""),
+        scaled_parameter("weight", "kg", 2.0, 1.5, 3.0, ""),
+        shifted_parameter("offset", "m", 0.1, 0.5, ""),
     )
 
     def __init__(self):

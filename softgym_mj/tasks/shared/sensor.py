@@ -7,7 +7,7 @@ import numpy as np
 from softgym_mj.rendering.sensor import LOSSLESS, Sensor
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.variations.indices import generator
-from softgym_mj.variations.randomization import Parameter, scaled
+from softgym_mj.variations.randomization import Parameter, scaled_parameter
 
 
 class TaskSensor:
@@ -21,7 +21,9 @@ class TaskSensor:
 
     parameters = (
         Parameter("sensor_blur", "pixels", 0.0, (0.0, 0.6), (0.0, 1.3), "sigma of blur", "sensor"),
-        scaled("sensor_exposure", "", 1.0, 1.15, 1.35, "factor on pixel values", "sensor"),
+        scaled_parameter(
+            "sensor_exposure", "", 1.0, 1.15, 1.35, "factor on pixel values", "sensor"
+        ),
         Parameter(
             "sensor_noise", "1/255", 0.0, (0.0, 4.0), (0.0, 10.0), "sigma of pixel noise", "sensor"
         ),
