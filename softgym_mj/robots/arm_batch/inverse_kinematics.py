@@ -227,14 +227,21 @@ def _moved(
 
 
 def _task(
-    arms: Kinematics, pose: chains.Pose, goal: jax.Array, upright: jax.Array
+    arms: Kinematics, pose: chains.Pose, goal: jax.Array, goal_rotation: jax.Array
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Returns matrix (m, m), vector (m,) and damping of an arm's task."""
+    """Returns matrix (m, m), vector (m,) and damping of an arm's task.
+
+    Args:
+        arms: the arms.
+        pose: pose of the arm.
+        goal: goal of the tool point in the mount's frame (3,) [m].
+        goal_rotation: goal of the tool's rotation in the mount's frame (3, 3).
+    """
     point, rotation = _tool(arms, pose)
     linear, angular = chains.jacobians(arms.chain, pose, point[None], np.array([arms.tool_body]))
-    turned = rotation.T
-    own = jnp.concatenate([chains.product(turned, linear[0]), chains.product(turned, angular[0])])
-    error = twists.logarithm(chains.product(turned, upright), chains.apply(turned, goal - point))
+    back = rotation.T
+    own = jnp.concatenate([chains.product(back, linear[0]), chains.product(back, angular[0])])
+    error = twists.logarithm(chains.product(back, goal_rotation), chains.apply(back, goal - point))
     jacobian = -arms.costs[:, None] * chains.product(twists.inverse_jacobian(error), own)
     weighted = arms.costs * error
     matrix = (jacobian[:, :, None] * jacobian[:, None]).sum(0)
