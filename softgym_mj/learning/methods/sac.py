@@ -1,7 +1,8 @@
 """Soft actor-critic (Haarnoja et al., 2018), for several seeds.
 
 Details are the paper's (softagent's `curl_sac.py`): the critic loss is the sum over both critics,
-targets bootstrap at the horizon, and the entropy weight itself (not its logarithm) is learned.
+and targets bootstrap at the horizon. The parameter of the entropy weight is log alpha, and its loss
+is linear in alpha.
 """
 
 import copy
