@@ -35,11 +35,14 @@ class SACSettings(OffPolicySettings):
         hidden: Sizes of the hidden layers of all networks.
         norm: Whether critics have LayerNorm.
         tau: Polyak coefficient of target critics.
-        actor_rate, critic_rate, alpha_rate: Learning rates of Adam.
+        actor_rate: Adam's learning rate of the actor.
+        critic_rate: Adam's learning rate of the critics.
+        alpha_rate: Adam's learning rate of the logarithm of the entropy weight.
         alpha: Initial entropy weight.
         alpha_beta: Adam's beta_1 of the entropy weight.
         target_entropy: Target entropy of each entry of an action [nats].
-        actor_every, target_every: Critic updates per update of actor and targets.
+        actor_every: Critic updates per update of actor and entropy weight.
+        target_every: Critic updates per update of target critics.
         lr_halving_period: Updates after which the rates of actor and critics are halved; 0: never.
         log_std: Bounds of the log standard deviation.
 
