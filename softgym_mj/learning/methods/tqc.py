@@ -28,7 +28,8 @@ class TQCSettings(StateSACSettings):
     Attributes:
         critics: Number of critics.
         quantiles: Number of quantiles of each critic.
-        dropped: Number of largest quantiles of each critic that targets leave out.
+        dropped: Number of quantiles that targets leave out per critic; the largest of all critics'
+            pooled quantiles.
 
     Raises:
         InvalidArgumentError: for a value out of range.
