@@ -38,7 +38,7 @@ class Geometry:
         radius: radius of the sphere [m].
         pick_distance: radius plus SoftGym's particle radius (0.00625 cloth, 0.025 rope) plus its
             threshold of 0.005 [m] (docs/softgym.md 2.1).
-        friction: friction coefficient, as between the object and the floor.
+        friction: friction coefficient between picker and object (SoftGym's).
     """
 
     radius: float
