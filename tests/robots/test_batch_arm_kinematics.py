@@ -116,7 +116,7 @@ def test_references_follow_as_those_of_the_controller(arm):
     arm, random = ARMS[arm], np.random.default_rng(1)
     mounts = facing_each_other(2, arm.distance, *arm.reach)
     arms = inverse_kinematics.kinematics_of(arm, mounts, 0.0)
-    follow = jax.jit(jax.vmap(lambda *own: inverse_kinematics.follow(arms, *own)))
+    follow = jax.jit(jax.vmap(lambda *own: inverse_kinematics.follow_points(arms, *own)))
     place = jax.jit(jax.vmap(lambda own: placed(arms, own)))
     controllers, goals = [], np.zeros((NUMBER, 2, 3))
     for goal in goals:
@@ -133,7 +133,7 @@ def test_references_follow_as_those_of_the_controller(arm):
         joints = np.array([controller.configuration for controller in controllers])
         for goal, controller in zip(goals, controllers, strict=True):
             goal[:] = controller.within_lead(goal)
-            controller.follow(goal)
+            controller.follow_points(goal)
         found = follow(joints.reshape(NUMBER, 2, -1), goals)
         assert not found.failed.any()
         after = np.array([controller.configuration for controller in controllers])
@@ -162,7 +162,7 @@ def test_a_configuration_that_is_not_finite_changes_no_other():
     arm = ARMS["franka"]
     mounts = facing_each_other(1, arm.distance, *arm.reach)
     arms = inverse_kinematics.kinematics_of(arm, mounts, 0.0)
-    follow = jax.jit(jax.vmap(lambda *own: inverse_kinematics.follow(arms, *own)))
+    follow = jax.jit(jax.vmap(lambda *own: inverse_kinematics.follow_points(arms, *own)))
     joints = np.tile(bodies.home(arm), (3, 1, 1))
     goals = np.array([[[0.0, -0.2, 0.3]], [[0.1, -0.2, 0.3]], [[0.2, -0.2, 0.3]]])
     before = follow(joints, goals)

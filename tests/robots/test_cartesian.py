@@ -203,7 +203,7 @@ def test_an_elbow_swings_home_slowly_and_the_tool_stays(arm):
     controller.set_state(controller.get_state() | {"configuration": home + swing})
     point, away = controller.points(), []
     for _ in range(60):
-        controller.follow(point)
+        controller.follow_points(point)
         assert np.abs(controller.velocity).max() < 0.05 / (15 * cartesian.PERIOD)
         away.append((controller.configuration - home) @ swing / (swing @ swing))
     weight = cartesian.POSTURE_COST**2
@@ -217,7 +217,7 @@ def test_the_controller_clips_what_is_outside_the_limits():
     state = controller.get_state()
     controller._place(model.jnt_range[:, 1] + 0.1)
     assert np.all(controller.configuration < model.jnt_range[:, 1])
-    controller.follow(np.array([[0.5, 0.0, 0.3]]))
+    controller.follow_points(np.array([[0.5, 0.0, 0.3]]))
     assert controller.failures == 0
     controller.set_state(state)
     np.testing.assert_array_equal(controller.configuration, controller.home)

@@ -140,13 +140,13 @@ class CartesianController:
         """Puts the reference at rest with its tool points nearest to `points` (n, 3) [m]."""
         self._place(self.home)
         for _ in range(SOLVE_STEPS):
-            self.follow(points, SOLVE_PERIOD)
+            self.follow_points(points, SOLVE_PERIOD)
             if np.abs(self._velocity).max() * SOLVE_PERIOD < SOLVED:
                 break
         self._velocity[:] = 0.0
         self.failures = 0
 
-    def follow(self, points: np.ndarray, duration: float = PERIOD) -> None:
+    def follow_points(self, points: np.ndarray, duration: float = PERIOD) -> None:
         """Moves the reference for `duration` [s] so that its tool points reach `points` (n, 3) [m].
 
         Joint and speed limits may stop it before.
@@ -155,7 +155,7 @@ class CartesianController:
             frame.set_target(mink.SE3.from_rotation_and_translation(rotation, point))
         self._go(self._tasks, duration)
 
-    def bend(self, angles: np.ndarray) -> None:
+    def follow_joints(self, angles: np.ndarray) -> None:
         """Moves the reference for a period so that its joints reach `angles` (nq,) [rad].
 
         Joint and speed limits and the distances from the floor and other arms may stop it before.

@@ -121,7 +121,7 @@ class CupArm(ArmActor, CupMover):
         # The filter is extrapolated to the controller's next solution.
         pose = (self._filtered_command.points + steps * self._filtered_command.step)[0] / TURNS_AS
         self._aim(pose)
-        self.controller.follow(self._tool(pose)[None])
+        self.controller.follow_points(self._tool(pose)[None])
 
 
 def _grip_quaternion(tool: mjcf.Element) -> np.ndarray:

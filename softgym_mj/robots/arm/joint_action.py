@@ -55,7 +55,9 @@ class JointAction(ArmAction):
 
     def follow(self, steps: int) -> None:
         # The filter is extrapolated to the controller's next solution.
-        self._controller.bend(self._unscaled(self._filter.points + steps * self._filter.step))
+        self._controller.follow_joints(
+            self._unscaled(self._filter.points + steps * self._filter.step)
+        )
 
     @property
     def angles(self) -> np.ndarray:

@@ -35,7 +35,7 @@ class PositionAction(ArmAction):
 
     def follow(self, steps: int) -> None:
         # The filter is extrapolated to the controller's next solution.
-        self._controller.follow(self._filter.points + steps * self._filter.step)
+        self._controller.follow_points(self._filter.points + steps * self._filter.step)
 
     @property
     def commanded(self) -> np.ndarray:

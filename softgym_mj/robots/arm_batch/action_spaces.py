@@ -58,7 +58,7 @@ class PositionActionSpace(ActionSpace):
 
     def solve(self, state: ArmState) -> Reference:
         ahead = state.filter.points + AHEAD * state.filter.step
-        return inverse_kinematics.follow(self._arms, state.reference, ahead)
+        return inverse_kinematics.follow_points(self._arms, state.reference, ahead)
 
     def commanded(self, state: ArmState) -> jax.Array:
         return state.filter.commanded
@@ -90,7 +90,7 @@ class PoseActionSpace(PositionActionSpace):
         ahead = state.filter.points + AHEAD * state.filter.step
         turned = rotations.matrices(_turned(state, AHEAD * state.turns.step))
         own = chain.product(self._arms.yaw.transpose(0, 2, 1), turned)
-        return inverse_kinematics.follow(self._arms, state.reference, ahead, own)
+        return inverse_kinematics.follow_points(self._arms, state.reference, ahead, own)
 
     def remembered(self, state: ArmState) -> jax.Array:
         assert state.turns is not None
@@ -125,7 +125,7 @@ class JointActionSpace(ActionSpace):
 
     def solve(self, state: ArmState) -> Reference:
         ahead = self._angles(state.filter.points + AHEAD * state.filter.step)
-        return inverse_kinematics.bend(self._arms, state.reference, ahead)
+        return inverse_kinematics.follow_joints(self._arms, state.reference, ahead)
 
     def commanded(self, state: ArmState) -> jax.Array:
         return inverse_kinematics.tools(self._arms, self._angles(state.filter.commanded))

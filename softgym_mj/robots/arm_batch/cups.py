@@ -155,7 +155,7 @@ class CupActionSpace(ActionSpace):
         turn = turned(theta)
         tool = jnp.stack([x, jnp.zeros_like(x), z]) + chains.apply(turn, np.array(GRIP))
         own = chains.product(self._arms.yaw[0].T, chains.product(turn, UPRIGHT))
-        return inverse_kinematics.follow(self._arms, state.reference, tool[None], own[None])
+        return inverse_kinematics.follow_points(self._arms, state.reference, tool[None], own[None])
 
     def commanded(self, state: ArmState) -> jax.Array:
         return state.filter.commanded / TURNS_AS

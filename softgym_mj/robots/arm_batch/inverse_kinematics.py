@@ -1,4 +1,4 @@
-"""`follow`: reference motion of `CartesianController`, for one environment with one or two arms.
+"""Reference motions of `CartesianController`, for one environment with one or two arms.
 
 The quadratic program is the same: tasks of the tools and the posture, limits of joints and speeds,
 and distances from the floor and the other arm. Each arm is in the frame of its mount.
@@ -160,7 +160,7 @@ def tool_rotations(arms: Kinematics, angles: jax.Array) -> jax.Array:
     return chains.product(arms.yaw, turned)
 
 
-def follow(
+def follow_points(
     arms: Kinematics,
     angles: jax.Array,
     goals: jax.Array,
@@ -190,7 +190,7 @@ def follow(
     return _moved(arms, angles, pose, (matrix, vector.ravel()), duration)
 
 
-def bend(arms: Kinematics, angles: jax.Array, goals: jax.Array) -> Reference:
+def follow_joints(arms: Kinematics, angles: jax.Array, goals: jax.Array) -> Reference:
     """Moves the reference for a period so that its joints reach their goals.
 
     Args:
