@@ -1,4 +1,4 @@
-"""Checks of arguments at the border."""
+"""Validation of arguments."""
 
 import math
 from collections.abc import Sequence

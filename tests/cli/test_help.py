@@ -1,4 +1,4 @@
-"""Help says all that commands do."""
+"""Help of commands is complete."""
 
 import importlib.metadata
 

@@ -1,4 +1,4 @@
-"""Commands that are interrupted or killed: what they say, what they leave, and how they go on."""
+"""Commands that are interrupted or killed: messages, files left behind, continuation."""
 
 import ctypes
 import os

@@ -44,12 +44,12 @@ class Flex:
     edge: str = 'equality="false" damping="1e-12"'  # Or else the compiler warns.
 
     def instance(self, name: str) -> str:
-        """XML of the instance of the plugin that says what it is made of."""
+        """XML of the plugin's instance, with the attributes of the material."""
         config = "".join(f'<config key="{k}" value="{v}"/>' for k, v in self.material.items())
         return f'<instance name="{name}">{config}</instance>'
 
     def flexcomp(self, name: str) -> str:
-        """Its XML."""
+        """XML of the flexcomp."""
         numbers = " ".join(f"{x:.9g}" for x in self.points.ravel())
         elements = " ".join(map(str, self.elements.ravel()))
         return f"""

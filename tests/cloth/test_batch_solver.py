@@ -44,7 +44,7 @@ def _model(env, room=1.0):
 
 
 class _Followed:
-    """An environment with pickers, and what `ClothBatchSolver` are told to do the same."""
+    """An environment with pickers, and the inputs by which a `ClothBatchSolver` repeats it."""
 
     def __init__(self, task, variation, **settings):
         self.env = softgym_mj.load(task, split="all", **settings)
@@ -52,7 +52,7 @@ class _Followed:
         self.flex, self.actor = self.env.task.flexes.flexes[0], self.env.task.actor
 
     def place(self, solver, i):
-        """Puts row `i` of the batch where the environment is."""
+        """Copies the environment's state to row `i` of the batch."""
         count = self.flex.num_points
         solver.qpos[i, :count], solver.qvel[i, :count] = (
             self.flex.slides,

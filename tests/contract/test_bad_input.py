@@ -1,4 +1,4 @@
-"""Bad input gives typed errors that say what would have worked, and changes nothing."""
+"""Bad input raises typed errors that name valid values, and changes nothing."""
 
 import ctypes
 import dataclasses
@@ -359,7 +359,7 @@ JUNK = [None, -1, 1.5, "x", [], {}, {"a": 1}, np.zeros(3), np.nan, (1, 2), 10**9
     ids=str,
 )
 def test_a_mangled_snapshot_is_refused_or_works(task, settings):
-    """Whatever is in whichever place; and what is refused changes nothing."""
+    """Any value in any place of a snapshot; a refused snapshot changes nothing."""
     env = softgym_mj.load(task, fidelity="fast", split="all", **settings)
     env.reset(3)
     action = np.zeros(env.action_spec().shape)

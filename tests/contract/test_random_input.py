@@ -1,4 +1,4 @@
-"""Whatever comes in ends well: it works, or is refused by a typed error or a usage message."""
+"""Any input works, or ends in a typed error or a usage message."""
 
 import contextlib
 import functools
@@ -106,7 +106,7 @@ NAMES = st.one_of(st.sampled_from(QUICK * 3 + TASKS), ANYTHING)
 
 
 def of(task: object) -> str:
-    """The task whose arguments are drawn for whatever is named."""
+    """The task whose arguments are drawn: the given one, or a quick one for an invalid name."""
     return task if isinstance(task, str) and task in TASKS else QUICK[0]
 
 

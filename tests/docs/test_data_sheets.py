@@ -1,4 +1,4 @@
-"""Data sheets say what the tasks are: they equal what is generated, their entries add up."""
+"""Data sheets equal the generated ones, and their entries add up."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""What is done on average over the forms of what is seen."""
+"""Policies averaged over a task's symmetries."""
 
 import numpy as np
 import pytest

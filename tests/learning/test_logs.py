@@ -1,4 +1,4 @@
-"""Logs say what curves say."""
+"""Logs have the numbers of curves."""
 
 import types
 

@@ -1,4 +1,4 @@
-"""What methods that learn from a replay have in common."""
+"""Settings and learning that off-policy methods share."""
 
 import pytest
 import torch

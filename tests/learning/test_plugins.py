@@ -47,7 +47,7 @@ def make(settings: Settings, problem: Problem) -> None:
 
 
 def untyped(settings, problem):
-    """Nothing says what its settings are."""
+    """A method whose settings have no annotation."""
 
 
 def test_the_learner_of_the_page_is_trained_and_continued(tmp_path, monkeypatch):

@@ -1,4 +1,4 @@
-"""Policies that are published are those of their cards, and do what these say."""
+"""Published policies are the files of their cards and reach their scores."""
 
 import hashlib
 import json

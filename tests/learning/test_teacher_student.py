@@ -61,7 +61,7 @@ def test_the_student_learns_from_images_what_its_teacher_learned_from_states():
 
 
 class _Fixed:
-    """A teacher that says its only number, and none while it explores."""
+    """A teacher whose actions are 0.5, and -0.25 while it explores."""
 
     updates = 0
 

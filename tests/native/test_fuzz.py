@@ -1,4 +1,4 @@
-"""Models and states that make no sense: see fuzz_plugins.py."""
+"""Fuzz tests of the plugins with invalid models and states (`fuzz_plugins`)."""
 
 import sys
 

@@ -34,7 +34,7 @@ TASKS = ("straighten_rope", "spread_cloth", "pour_water")  # One of each kind of
 
 
 class Part:
-    """A scene's part that notes what it is told."""
+    """A part of a scene that records its parameters."""
 
     parameters = (
         scaled_parameter("weight", "kg", 2.0, 1.5, 3.0, ""),

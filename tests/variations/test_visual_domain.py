@@ -1,4 +1,4 @@
-"""Visual domain parameters: each is seen, and none is felt."""
+"""Visual domain parameters: each changes images, and none changes motion."""
 
 import hashlib
 import subprocess

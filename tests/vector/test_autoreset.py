@@ -88,7 +88,7 @@ def test_what_gymnasium_does(kind, mode):
 
 
 def test_an_error_leaves_the_others_where_they_are():
-    """Who has taken the step that another one raises in goes on from there."""
+    """Environments that stepped before another raised continue."""
     envs = ours(Odd, AutoresetMode.NEXT_STEP, num_workers=NUM_ENVS)
     envs.reset()
     actions = np.zeros((NUM_ENVS, 1))
@@ -103,7 +103,7 @@ def test_an_error_leaves_the_others_where_they_are():
 
 
 def test_staggered_episodes():
-    """The first ones are shorter, the later ones whole; a snapshot knows it."""
+    """First episodes are shorter, later ones whole; snapshots store the lengths."""
     make = functools.partial(SoftGymEnv, "straighten_rope", horizon=7)
     envs, twin = (ours(make, AutoresetMode.SAME_STEP, num_workers=1) for _ in range(2))
     envs.reset(seed=SEED, options={"stagger": True})

@@ -221,7 +221,7 @@ def test_what_it_cannot_do_is_refused_by_name():
 
 
 class _Counted(softgym_mj.tasks.straighten_rope.StraightenRope):
-    """A custom task that looks at one simulation."""
+    """A custom task that reads one simulation."""
 
     def after_step(self, physics, random_state):
         super().after_step(physics, random_state)
@@ -229,7 +229,7 @@ class _Counted(softgym_mj.tasks.straighten_rope.StraightenRope):
 
 
 class _Looser(softgym_mj.tasks.straighten_rope.StraightenRope):
-    """One that is made of functions of arrays."""
+    """A custom task of functions of arrays."""
 
     success = 0.5
 
@@ -392,7 +392,7 @@ def test_processes_read_the_same_starts(task, monkeypatch):
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
 def test_arrays_stay_where_they_are(mode):
-    """A graph of a GPU knows them by their places: nothing that happens between steps moves any."""
+    """A CUDA graph has their addresses: nothing that happens between steps moves an array."""
     _, envs = _twins("fold_cloth", mode=mode, horizon=3)
     envs.reset(seed=0, options={"variation": VARIATIONS})
     actions = torch.zeros(envs.action_space.shape)

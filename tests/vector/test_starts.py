@@ -12,7 +12,7 @@ MANY = 8
 
 @pytest.fixture(autouse=True)
 def _many(monkeypatch):
-    """Few environments are many; this process reads for all: `test_batch` has others read."""
+    """Eight environments count as many, and this process reads all starts, as on one core."""
     monkeypatch.setattr(initial_states, "MANY", MANY)
     monkeypatch.setattr(episodes, "MANY", MANY)
     monkeypatch.setattr(initial_states, "num_cores", lambda: 1)

@@ -64,7 +64,7 @@ def test_an_ended_one_waits_for_its_reset():
 
 
 def test_states_of_single_environments(envs):
-    """Go into a vector environment and come out of it."""
+    """A vector environment continues from them, and returns states that they restore."""
     singles = [SoftGymEnv("straighten_rope") for _ in range(NUM_ENVS)]
     for i, env in enumerate(singles):
         env.reset(seed=i)

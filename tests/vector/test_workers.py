@@ -18,7 +18,7 @@ from softgym_mj.vector.processes import ProcessBackend
 
 
 class Curious(gymnasium.Env):
-    """Says what it finds in its process."""
+    """Returns the parent and a variable of its process as infos."""
 
     observation_space = action_space = gymnasium.spaces.Box(-1, 1, (1,), np.float32)
 
@@ -144,7 +144,7 @@ def test_an_interactive_session(tmp_path):
 
 
 def test_threads_that_start_workers_at_once_leave_the_script_alone():
-    """One that comes second and leaves last would put the other's stand-in back."""
+    """Without a lock, the thread that leaves last would restore the other's replacement."""
     main = sys.modules["__main__"]
     entered, second, left = (threading.Event() for _ in range(3))
 
