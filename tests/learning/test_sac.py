@@ -1,6 +1,7 @@
 """Soft actor-critic: its oracles are PyTorch's distributions and layers, and one seed alone."""
 
 import dataclasses
+import functools
 import math
 
 import numpy as np
@@ -86,14 +87,13 @@ def test_losses_are_those_of_the_paper(entropy):
         assert alpha[k].item() == pytest.approx(of_alpha, rel=1e-4)
 
 
-def test_losses_that_are_compiled_teach_the_same():
-    """As `fused` has it on a GPU; here without kernels, whose making takes a minute."""
+def test_losses_that_are_compiled_teach_the_same(monkeypatch):
+    """Without kernels, which take a minute to compile."""
+    compiled = functools.partial(torch.compile, fullgraph=True, backend="aot_eager")
+    monkeypatch.setattr(torch, "compile", compiled)
     seeds = [0, 1]
     eager, fused = (SAC(SMALL, seeds, OBSERVATION, ACTION) for _ in range(2))
-    fused._critic_loss, fused._actor_losses = (
-        torch.compile(loss, dynamic=False, fullgraph=True, backend="aot_eager")
-        for loss in (fused.critic_loss, fused.actor_losses)
-    )
+    fused.fuse()
     for k in range(4):
         result = [sac.update(random_batch(seeds, seed=k)) for sac in (eager, fused)]
         for name, losses in result[0].items():
