@@ -302,6 +302,12 @@ def test_bad_arguments_name_the_choices(kwargs, message):
         make("RopeFlatten", **kwargs)
 
 
+def test_drop_tasks_have_no_pick_and_place():
+    for name in ("ClothDrop", "ClothFoldDrop"):
+        with pytest.raises(InvalidArgumentError, match=r"action_mode='pickerpickplace'.*'picker'"):
+            make(name, action_mode="pickerpickplace")
+
+
 def test_a_variation_that_is_not_in_use_is_refused():
     env = make("RopeFlatten", num_variations=5)
     for index in (5, -1, 1.5):

@@ -87,5 +87,5 @@ MODES_OF = {  # The default mode first.
     "PassWater": ("direct",), "PourWater": ("rotation_bottom",),
     "PourWaterAmount": ("rotation_bottom",), "RopeFlatten": ("picker",),
     "RopeConfiguration": ("picker",), "ClothFlatten": _PICKERS, "ClothFold": _PICKERS,
-    "ClothFoldCrumpled": _PICKERS, "ClothDrop": _PICKERS[:2], "ClothFoldDrop": _PICKERS[:2],
+    "ClothFoldCrumpled": _PICKERS, "ClothDrop": ("picker",), "ClothFoldDrop": ("picker",),
 }  # fmt: skip
