@@ -102,8 +102,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         check_name("camera", camera, camera_ids(self.dm_env.physics.model.ptr))
         self._view = CameraView(camera, *render_size)
         self._running = self._closed = False
-        frames_per_second = round(1 / self.dm_env.control_timestep(), 3)
-        self.metadata = {**self.metadata, "render_fps": frames_per_second}
+        self.metadata = {**self.metadata, "render_fps": round(self.dm_env.frame_rate, 3)}
         spaces: dict[str, gymnasium.Space] = {
             name: space_of(spec) for name, spec in self.dm_env.observation_spec().items()
         }

@@ -8,6 +8,8 @@ from softgym_mj.rendering.calibration import Calibration
 from softgym_mj.rendering.framebuffer import SizedPhysics
 from softgym_mj.rendering.observables import blank_images
 
+NOMINAL_RATE = 2.5  # [1/s] Of env steps of pick and place, which take 0.3 to 0.5 s.
+
 
 class SimulatedEnvironment(composer.Environment):
     """Compiles `SizedPhysics`, which keeps its OpenGL context, and simulates sim steps."""
@@ -34,6 +36,12 @@ class SimulatedEnvironment(composer.Environment):
         seen = (found for found in self._task.observables.values() if found.enabled)
         views = (view for found in seen for view in getattr(found, "views", ()))
         return {view.camera: view.calibration(self._physics) for view in views}
+
+    @property
+    def frame_rate(self) -> float:
+        """Env steps per second of simulated time; nominal where they take as long as needed."""
+        lasts = self._task.actor.sim_steps is not None
+        return NOMINAL_RATE if lasts else 1.0 / self.control_timestep()
 
     def close(self) -> None:
         """Frees the simulation; does nothing after the first call."""

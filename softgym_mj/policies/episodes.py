@@ -103,5 +103,5 @@ def play(
         frames=np.array(frames, np.uint8).reshape(-1, size, size, 3),
         rewards=np.array(rewards),
         info={name: np.array([info[name] for info in infos]) for name in infos[0]},
-        fps=1 / env.control_timestep(),
+        fps=env.frame_rate,
     )

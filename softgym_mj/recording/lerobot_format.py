@@ -30,7 +30,7 @@ CODECS = ("libsvtav1", "h264", "hevc", "auto", PNG)  # LeRobot's default first.
 _STATES = ("proprioception", "reduced", "markov", "full")
 _PLACES = ("observation.state", "observation.environment_state")
 _PICTURE = 3  # Dimensions of what one camera sees in colors.
-_LARGEST = 1000  # Largest denominator; rates of env steps are 100 divided by integers.
+_LARGEST = 1000  # Largest denominator; rates of env steps are 100 divided by integers, or 2.5.
 
 
 class FrameRate(float):
@@ -139,7 +139,7 @@ class LeRobot(Format):
                 result = columns(episode, names, actor)
                 writer = writer or datasets.LeRobotDataset.create(
                     dataset,
-                    FrameRate(1.0 / played.control_timestep()),
+                    FrameRate(played.frame_rate),
                     {key: self._feature(column) for key, column in result.items()},
                     root=made,  # LeRobot requires a folder that does not exist.
                     robot_type=actor.name,

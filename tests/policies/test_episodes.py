@@ -50,6 +50,13 @@ def test_an_episode_is_what_a_loop_over_its_steps_sees(env):
     np.testing.assert_array_equal(some.frames, [frames[0], frames[3]])
 
 
+def test_videos_of_pick_and_place_run_in_about_real_time():
+    env = softgym_mj.load("straighten_rope", actor="pick_and_place", horizon=3, split="all")
+    episode = play(env, "random", 800, camera=None)
+    seconds = 0.01 * episode.info["sim_steps"][1:].sum()
+    assert len(episode.rewards) / episode.fps == pytest.approx(seconds, rel=0.3)
+
+
 def test_policies_are_played_by_name(env):
     first, second, other = (play(env, "random", 803, seed=s, camera=None) for s in (0, 0, 1))
     assert first.rewards.tolist() == second.rewards.tolist() != other.rewards.tolist()

@@ -139,7 +139,7 @@ def film(
     every: int = 1,
     on_step: Callable[[], object] = lambda: None,
 ) -> Video:
-    """Plays an episode and path-traces a video in real time.
+    """Plays an episode and path-traces a video in real time (pick and place: nearly).
 
     Args:
         env: Environment.
@@ -162,4 +162,4 @@ def film(
             frames.append(camera.rgb(env.physics))
         if not timestep.first():
             on_step()
-    return Video(np.stack(frames), 1 / (every * env.control_timestep()))
+    return Video(np.stack(frames), env.frame_rate / every)
