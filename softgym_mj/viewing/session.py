@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from softgym_mj.envs.load import load
+from softgym_mj.exceptions import SoftGymError
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.variations.indices import NUM_VARIATIONS
@@ -107,17 +108,16 @@ class Session:
         if variation is None:
             variation = self.variation
         if policy is not None:
-            self.env.horizon = _UNLIMITED if policy == TELEOPERATE else self._horizon
-            self.teleoperation: Teleoperation | None = None
-            if policy == TELEOPERATE:
-                self.teleoperation = teleoperate(self.env)
-            else:
+            teleoperation = teleoperate(self.env) if policy == TELEOPERATE else None
+            if teleoperation is None:
                 self._act = make_policy(policy, self.env, trust=self._trust)
+            self.teleoperation: Teleoperation | None = teleoperation
+            self.env.horizon = self._horizon if teleoperation is None else _UNLIMITED
             self.policy = policy
         self._timestep = self.env.reset(variation)
         if self.teleoperation is not None:
             self.teleoperation.start()
-        self._sim_steps, self._lingered = 0, 0.0
+        self._sim_steps, self._lingered, self._refused = 0, 0.0, ""
 
     def play_next(self) -> None:
         """Starts an episode of the next variation."""
@@ -139,7 +139,10 @@ class Session:
         """
         if not self._posted.empty():
             while not self._posted.empty():
-                self._posted.get()()
+                try:
+                    self._posted.get()()
+                except SoftGymError as error:  # A request that cannot be met ends nothing.
+                    self._refused = str(error)
         elif self.paused:
             self._show()
         elif self._timestep.last():
@@ -168,7 +171,10 @@ class Session:
         return self._timestep.last()
 
     def status(self) -> list[tuple[str, str]]:
-        """Returns the status as (name, value) texts: variation, policy, time, reward, score."""
+        """Returns the status as (name, value) texts: variation, policy, time, reward, score.
+
+        The last one is the error of a posted function, until the next episode starts.
+        """
         state = "paused" if self.paused else "ended" if self.ended else "running"
         performance = float(self.env.info()["normalized_performance"])
         return [
@@ -177,4 +183,5 @@ class Session:
             ("time", f"{self.time:.1f} s (x {self._pace.speed:.1f})"),
             ("reward", f"{self._timestep.reward or 0.0:.3f}"),
             ("normalized performance", f"{performance:.3f}"),
+            *([("refused", self._refused)] if self._refused else []),
         ]

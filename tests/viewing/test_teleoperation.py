@@ -140,6 +140,18 @@ def test_a_blocked_cup_slides_on():
     np.testing.assert_allclose(hand.commanded(), hand.targets, atol=1e-6)
 
 
+def test_a_policy_that_cannot_be_made_ends_no_session():
+    session = unhurried("straighten_rope")
+    session.post(lambda: session.play("nope"))
+    session.advance()
+    assert "policy='nope'" in dict(session.status())["refused"]
+    session.advance()
+    assert session.time > 0.0 and session.policy == "teleoperate"
+    session.post(session.play_next)
+    session.advance()
+    assert "refused" not in dict(session.status())
+
+
 def test_actors_that_go_all_the_way_at_once_cannot_be_driven():
     with pytest.raises(InvalidArgumentError, match=r"'pick_and_place'.*'picker', 'franka'.*'cup'"):
         Session("straighten_rope", actor="pick_and_place")
