@@ -11,6 +11,7 @@ import os
 import pathlib
 import re
 import shutil
+import urllib.parse
 from collections.abc import Iterable, Mapping
 from typing import Any, ClassVar, NamedTuple
 
@@ -109,11 +110,11 @@ class Format(abc.ABC):
             StoreError: if the folders cannot be written.
         """
         place = self.place(dataset)
-        unfinished = self.root() / f".{dataset.replace('/', '.')}.unfinished"
+        unfinished = self.root() / f".{urllib.parse.quote(dataset, safe='')}.unfinished"
         with naming(place, "written"):
             if (place / EPISODES).exists():
                 place.rename(unfinished)
-        return unfinished  # Ids contain no dot.
+        return unfinished
 
     def is_finished(self, dataset: str, made_of: Mapping[str, Any]) -> bool:
         """Returns whether a finished dataset of this specification exists.
