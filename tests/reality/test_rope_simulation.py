@@ -118,3 +118,8 @@ def test_secret_properties_are_found_in_recordings_of_them(tmp_path, monkeypatch
     measured = json.loads((tmp_path / "out.json").read_text())["measurements"]
     error = {row["solver"]: row["error"] for row in measured}
     assert 4 * error["rope, identified"] < error["rope, assumed"] < error["nothing moves"]
+
+
+def test_few_recordings_are_refused():
+    with pytest.raises(InvalidArgumentError, match="recordings=4"):
+        identification.identify([simulated(frames=10)] * 4)

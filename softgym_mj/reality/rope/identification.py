@@ -9,7 +9,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from softgym_mj.reality.fitting import Identified, Unknown, fit
+from softgym_mj.exceptions import check_count
+from softgym_mj.reality.fitting import FEWEST, Identified, Unknown, fit
 from softgym_mj.reality.rope.cable import Properties
 from softgym_mj.reality.rope.recordings import HELD, Recording
 from softgym_mj.reality.rope.scenario import START_FRAMES, scenario_of
@@ -34,7 +35,11 @@ def identify(
     Args:
         recordings: Train recordings.
         progress: Receives a line for each evaluation.
+
+    Raises:
+        InvalidArgumentError: If there are fewer recordings than intervals need.
     """
+    check_count("recordings", len(recordings), FEWEST)
     spacing = marker_spacing(recordings)
 
     def residuals(values: dict[str, float]) -> np.ndarray:
