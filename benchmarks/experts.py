@@ -44,8 +44,8 @@ FILE = DOCS / "experts.json"
 # Rooms of the package that no score depends on; what is written there, and all else, is code.
 APART = frozenset(
     {
-        "cli", "compat", "evaluation", "jobs", "learning", "reality", "recording", "rendering",
-        "vector", "viewing",
+        "cli", "compat", "evaluation", "learning", "parallel", "reality", "recording", "rendering",
+        "storage", "vector", "viewing",
     }
 )  # fmt: skip
 SOURCES = frozenset({".py", ".cc", ".h", ".xml", ".npz"})
