@@ -35,7 +35,7 @@ MASS = 0.05  # [kg], 0.1 kg/m: a cotton rope of this diameter.
 # [N m^2] Soft cotton rope. With ten times more, a third of the twisted initial states spring back
 # to nearly straight.
 BEND_STIFFNESS = 1.2e-5
-STRETCH_STIFFNESS = 800.0  # [N] It stretches by 0.06 % under its own weight.
+STRETCH_STIFFNESS = 800.0  # [N] It stretches by 0.03 % under its own weight.
 STRETCH_DAMPING = 5e-4  # [s]
 BEND_DAMPING = 0.01  # [s] With less, one tight knot in a thousand trembles forever.
 FRICTION = 1.0  # SoftGym's friction of the rope against shapes and floor.

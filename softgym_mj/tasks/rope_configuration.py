@@ -77,7 +77,7 @@ class RopeConfiguration(Task):
 
     summary = "Lay a rope in the shape of a letter."
     difficulty, material = "hard", "rope"
-    success = 0.8  # Our choice: key points within 1 to 3 cm of the letter on average.
+    success = 0.8  # Our choice: key points within 0.6 to 2.2 cm of the letter on average.
     workspace = Workspace((-0.35, -0.35, 0.0), (0.35, 0.35, 0.3))  # docs/softgym.md 2.2.
     reset_height, view = 0.1, "rope_configuration"
     softgym_name, hidden_goal = "RopeConfiguration", True
