@@ -21,6 +21,7 @@ from softgym_mj.robots.gripper import Gripper
 from softgym_mj.robots.picker import Picker
 from softgym_mj.tasks import Task
 from softgym_mj.tasks.shared.observations import STATES
+from softgym_mj.variations.indices import SPLITS
 from tools import interface_page
 from tools.sheet_entries import (
     action_table,
@@ -78,8 +79,9 @@ def expert(scores: Mapping[str, float], threshold: float) -> str:
     values = list(scores.values())
     success = statistics.mean(value >= threshold for value in values)
     mean = statistics.mean(values)
+    number = "" if len(values) == len(SPLITS["evaluate"]) else f", {len(values)} variations"
     return (
-        f"mean {mean:.3f}, smallest {min(values):.2f}, success {success:.2f} "
+        f"mean {mean:.3f}, smallest {min(values):.2f}, success {success:.2f}{number} "
         "([arms](../validation.md#scripted-experts))"
     )
 
