@@ -5,10 +5,11 @@ import pathlib
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from softgym_mj.registry import DOMAIN, task_names
+from softgym_mj.registry import DOMAIN, TASKS, task_names
 from tools.pages import table
 
 DOCS = pathlib.Path(__file__).parent.parent / "docs"
+_NUMBERS = "16", "128", "1056"  # Of environments in `cores`.
 
 
 def measured(name: str) -> Any:
@@ -37,6 +38,24 @@ def rates() -> str:
         f"{machine['gpu']}, PyTorch {machine['torch']}; compiling the kernels took "
         f"{compiled:.0f} s. Core: {on_cores['machine']['processor']}."
     )
+
+
+def cores() -> str:
+    """CPU cores that make as many env steps per second as a GPU, least to most of the tasks."""
+    found, on_cores = measured("gpu")["rates"], measured("throughput")["tasks"]
+    rows = []
+    for material in ("rope", "cloth", "water"):
+        own = [task for task in task_names(DOMAIN) if material in TASKS[task].tags]
+        cells = []
+        for number in _NUMBERS:
+            ratios = sorted(
+                found[task][number]["env_steps_per_s"] / on_cores[task]["env_steps_per_second"]
+                for task in own
+            )
+            cells.append(f"{ratios[0]:.1f} to {ratios[-1]:.1f}")
+        rows.append(f"| {material} | {' | '.join(cells)} |")
+    heads = " | ".join(f"{int(number):,} environments" for number in _NUMBERS)
+    return table(f"| material | {heads} |", rows)
 
 
 def arms() -> str:
@@ -135,6 +154,7 @@ def limits() -> str:
 
 # Tables of docs/gpu.md, and of docs/gpu_kernels.md.
 RATES: Mapping[str, Callable[[], str]] = {
+    "cores": cores,
     "rates": rates,
     "arms": arms,
     "images": images,
