@@ -1,7 +1,7 @@
 """CPU time of a step of water, at rest and shaken: SIMD kernels, portable ones, warp's SPH example.
 
     pip install --editable '.[bench]'    # With warp; without it, its columns are left out.
-    OMP_NUM_THREADS=1 python benchmarks/fluid.py --out fluid.json
+    OMP_NUM_THREADS=1 python -m benchmarks.fluid --out docs/fluid.json
 
 Water stands in a cup until it rests. It is timed at rest, and while the cup is moved by a square
 wave along both axes, with reversals and stops. In a round, every stretch of that motion is played
@@ -27,7 +27,6 @@ import json
 import math
 import os
 import pathlib
-import platform
 import statistics
 import time
 from collections.abc import Iterator, Sequence
@@ -36,6 +35,7 @@ from types import ModuleType
 import mujoco
 import numpy as np
 
+from benchmarks.machine import machine, yardstick
 from tests.scenes.fluid_cup import SPACING, FluidCup
 
 # Particles along X, Y and Z. The last are 8788, the most that SoftGym draws.
@@ -258,8 +258,11 @@ def main() -> None:
         for motion, costs in results[count].items():
             print(row(count, motion, costs), flush=True)
     if arguments.out:
-        machine = {"processor": platform.processor(), "mujoco": mujoco.__version__}
-        arguments.out.write_text(json.dumps({"machine": machine, "columns": results}, indent=2))
+        where = {
+            **machine(), "mujoco": mujoco.__version__, "humanoid_mj_steps_per_second": yardstick()
+        }  # fmt: skip
+        result = {"machine": where, "columns": results}
+        arguments.out.write_text(json.dumps(result, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Writes tables into README.md and docs: of the tasks, and of what was measured.
 
-That is docs/experts.json, docs/throughput.json, docs/vector.json, those of
+That is docs/experts.json, docs/throughput.json, docs/vector.json, docs/fluid.json, those of
 tools/gpu_tables.py, docs/lerobot.json, docs/lab.csv, docs/rope_recordings.json,
 docs/cloth_recordings.json, docs/water_recordings.json, and docs/results.
 """
@@ -116,6 +116,21 @@ def arm_speeds() -> str:
     return f"{table(head, rows)}\n\n{on(found['machine'])}"
 
 
+def water() -> str:
+    """CPU time of a step of water, and of a particle's substep by three codes."""
+    found, rows = measured("fluid"), []
+    for count, own in found["columns"].items():
+        rest, shaken = own["rest"], own["shaken"]
+        steps = (f"{costs['simd_ms_per_step']:.2f} ms" for costs in (rest, shaken))
+        codes = ("simd", "scalar", "warp")
+        costs = (f"{shaken[f'{code}_ns_per_particle_substep']:,.0f} ns" for code in codes)
+        size = f"{int(count):,} x {shaken['substeps']}"
+        rows.append(f"| {' | '.join((size, *steps, *costs))} |")
+    titles = "at rest | shaken | shaken, a particle's substep | the same without AVX2"
+    head = f"| particles x substeps | {titles} | warp's SPH example |"
+    return f"{table(head, rows)}\n\n{on(found['machine'])}"
+
+
 def processes() -> str:
     """Throughput of vector environments in one and two processes."""
     found, rows = measured("vector"), []
@@ -207,7 +222,7 @@ def pages() -> dict[pathlib.Path, str]:
         (DOCS / "pictures.md", {"gallery": stills}),
         (DOCS / "reality.md", {**lab_tables.TABLES, **rope_tables.TABLES, **cloth_tables.TABLES,
                                **water_tables.TABLES}),
-        (DOCS / "physics.md", {"lab": lab_tables.kept}),
+        (DOCS / "physics.md", {"lab": lab_tables.kept, "water": water}),
         (DOCS / "learning.md", {"presets": presets.presets, "settings": settings_table.sac}),
         (DOCS / "custom_tasks.md", {"grasps": grasp_table.grasps}),
         (DOCS / "recipes.md", {"lerobot": lerobot_table.scores}),
