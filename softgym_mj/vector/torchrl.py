@@ -85,6 +85,8 @@ class TorchRLEnv(EnvBase):
             options["reset_mask"] = chosen.reshape(-1).cpu().numpy()
         seed, self._seed = self._seed, None
         observations, infos = self.envs.reset(seed=seed, options=options)
+        for name in self._info:
+            check_name("info", name, (key for key in infos if not key.startswith("_")))
         for name, ends in self._ends.items():
             kept = ends & ~chosen.reshape(ends.shape) if chosen is not None else ends & False
             self._ends[name] = kept
@@ -105,8 +107,6 @@ class TorchRLEnv(EnvBase):
     def _seen(self, observations: Any, infos: dict[str, Any]) -> TensorDictBase:
         if not isinstance(observations, dict):
             observations = {"observation": observations}
-        for name in self._info:
-            check_name("info", name, (key for key in infos if not key.startswith("_")))
         found = {name: torch.as_tensor(value) for name, value in observations.items()}
         found |= {name: self._column(infos[name], torch.float32) for name in self._info}
         return TensorDict(found | self._ends, batch_size=self.batch_size, device=self.device)
