@@ -227,9 +227,8 @@ int Bodies::Find(int id) {
     PointAcceleration(m_, d_, id, body.center, qvel_, nullptr, turning);
     for (int k = 0; k < 6; ++k) body.acceleration[k] += turning[k];
   }
-  body.is_pushable = body.inverse_mass > kYields;
-  body.rigid.is_pushable = body.is_pushable;
-  if (!body.is_pushable) std::fill(&c[0][0], &c[0][0] + 36, 0.0);
+  body.rigid.is_pushable = body.inverse_mass > kYields;
+  if (!body.rigid.is_pushable) std::fill(&c[0][0], &c[0][0] + 36, 0.0);
   for (int k = 0; k < 6; ++k) body.rigid.move[k] = h_ * body.velocity[k];
   of_body_[id] = static_cast<int>(bodies_.size());
   bodies_.push_back(body);
@@ -272,7 +271,7 @@ void Bodies::Apply(const mjModel* m, mjData* d, int substeps) {
     std::vector<double> speed(tree.count), way(tree.count);
     bool touched = false;
     for (const Body& body : bodies_) {
-      if (body.tree != static_cast<int>(t) || !body.touched || !body.is_pushable) continue;
+      if (body.tree != static_cast<int>(t) || !body.touched || !body.rigid.is_pushable) continue;
       touched = true;
       for (int i = 0; i < tree.count; ++i) {
         for (int k = 0; k < 6; ++k) {

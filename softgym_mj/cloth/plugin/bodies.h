@@ -22,8 +22,7 @@ struct Body {
   double acceleration[6];  // Mean acceleration of the step without flexes.
   double impulse[6];       // Sum of impulses of the substeps so far [kg m].
   double moved[6];         // Sum of these sums.
-  bool is_pushable;
-  double inverse_mass;  // Largest in any direction [1/kg].
+  double inverse_mass;     // Largest in any direction [1/kg].
   bool touched;
   Rigid rigid;
   std::vector<double> jacobian, response;  // (6, n) and (n, 6) with the n degrees of freedom of its tree.

@@ -94,7 +94,7 @@ void Solids::Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cl
     Active& active = actives_[used];
     active.geom = g;
     active.body = body_index;
-    active.small = body && body->is_pushable && m->geom_rbound[g] < kSmall;
+    active.small = body && body->rigid.is_pushable && m->geom_rbound[g] < kSmall;
     active.view.shape = ShapeOf(m, g);
     active.view.grid = GridOf(m, g);
     CopySize(m, g, active.view.size);
@@ -107,7 +107,7 @@ void Solids::Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cl
     if (active.points.empty() && active.triangles.empty()) continue;
     MakeBlocks(mesh, active.points, &active, &active.point_order, &active.point_blocks);
     MakeBlocks(mesh, active.triangles, &active, &active.triangle_order, &active.triangle_blocks);
-    if (body && body->is_pushable) {
+    if (body && body->rigid.is_pushable) {
       touches_bodies_ = true;
       touches_light_ |= body->inverse_mass > 1 / kLight;
     }
@@ -242,7 +242,7 @@ void Solids::Sweep(const ClothKernels& kernels, const Points& points, const Cont
   for (Active& active : actives_) {
     Rigid* rigid = active.body >= 0 ? &bodies_.all()[active.body].rigid : nullptr;
     ContactRow limited = row;
-    if (rigid && !bodies_.all()[active.body].is_pushable) limited.most = MostPush(h_);
+    if (rigid && !rigid->is_pushable) limited.most = MostPush(h_);
     for (auto* blocks : {&active.point_blocks, &active.triangle_blocks}) {
       kernels.SweepSolid(points, limited, blocks->data(), static_cast<int>(blocks->size()), rigid, pass);
     }
@@ -254,7 +254,7 @@ void Solids::Finish() { bodies_.Finish(); }
 
 void Solids::MarkNear(std::vector<bool>* near) const {
   for (const Active& active : actives_) {
-    if (active.body < 0 || !bodies_.all()[active.body].is_pushable) continue;
+    if (active.body < 0 || !bodies_.all()[active.body].rigid.is_pushable) continue;
     for (const auto* blocks : {&active.point_blocks, &active.triangle_blocks}) {
       for (const SolidBlock& block : *blocks) {
         for (const int* vertex : {block.vertex[0], block.vertex[1], block.vertex[2]}) {

@@ -26,7 +26,7 @@ void Tied::Start(Bodies* bodies, double timestep, double h, cloth::Start* start)
     Rider rider = {};
     rider.tie = tie;
     rider.body = bodies->Find(tie.body);
-    if (rider.body < 0 || !bodies->all()[rider.body].is_pushable) continue;
+    if (rider.body < 0 || !bodies->all()[rider.body].rigid.is_pushable) continue;
     const Body& body = bodies->all()[rider.body];
     mju_sub3(rider.start, tie.point, body.center);
     mju_copy3(rider.arm, rider.start);
