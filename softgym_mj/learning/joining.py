@@ -50,7 +50,7 @@ def join(folders: Sequence[pathlib.Path], out: pathlib.Path) -> list[int]:
         if (of[seed] / name).exists():
             write_whole(out / name, read_whole(of[seed] / name))
     last = [row for own in cards for row in own["last"]]
-    seconds = max(own["seconds"] for own in cards)
+    seconds = sum(own["seconds"] for own in cards)
     write_json(out / CARD, {**card, "seconds": seconds, "last": last, "seeds": seeds})
     return seeds
 

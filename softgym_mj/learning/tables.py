@@ -20,10 +20,11 @@ def table(rows: Iterable[Row], references: Sequence[Reference] = ()) -> list[dic
         references: Scores of others.
 
     Returns:
-        Fields of `Name`; number of `seeds`; `env_steps`; medians of `updates`, `minutes`,
-        `episodes` and `gap` (train minus held-out); `statistics.summary` of the seeds' means;
-        `published`, the score of others for the same task, method and observation at the nearest
-        number of env steps. Unknown values, such as quartiles of one seed, are None.
+        Fields of `Name`; number of `seeds`; `env_steps`; medians of `updates`, `episodes` and `gap`
+        (train minus held-out); `minutes` of all seeds, where equal `seconds` are of one training;
+        `statistics.summary` of the seeds' means; `published`, the score of others for the same
+        task, method and observation at the nearest number of env steps. Unknown values, such as
+        quartiles of one seed, are None.
     """
     result: dict[tuple, dict[str, list[Row]]] = {}
     for row in (row for row in rows if row.final):
@@ -35,7 +36,7 @@ def table(rows: Iterable[Row], references: Sequence[Reference] = ()) -> list[dic
             continue
         trained = {row.seed: row.normalized_performance for row in splits["train"]}
         gaps = [trained[r.seed] - r.normalized_performance for r in held_out if r.seed in trained]
-        minutes = [row.seconds / 60 for row in held_out if row.seconds is not None]
+        seconds = {row.seconds for row in held_out if row.seconds is not None}
         known = {
             abs((r.env_steps or env_steps) - env_steps): r.value
             for r in references
@@ -46,7 +47,7 @@ def table(rows: Iterable[Row], references: Sequence[Reference] = ()) -> list[dic
             "seeds": len(held_out),
             "env_steps": env_steps,
             "updates": int(np.median([row.updates for row in held_out])),
-            "minutes": float(np.median(minutes)) if minutes else None,
+            "minutes": sum(seconds) / 60 if seconds else None,
             "episodes": int(np.median([row.episodes for row in held_out])),
             **summary([{**vars(row), "variation": None} for row in held_out]),
             **dict.fromkeys(_SPREAD if len(held_out) == 1 else ()),

@@ -119,6 +119,12 @@ def test_the_table_by_hand():
     assert (line["iqm_low"], line["iqm_high"]) == pytest.approx(interval, abs=0.035)
 
 
+def test_minutes_of_seeds_that_were_trained_apart_add_up():
+    apart = [dataclasses.replace(row, seconds=90.0) if row.seed > 2 else row for row in _training()]
+    (line,) = table(apart)
+    assert line["minutes"] == pytest.approx(3.0 + 1.5)
+
+
 def test_one_seed_has_no_spread_and_other_lengths_are_other_lines():
     short = [_row(0, 200, "evaluate", 0.3, True, NAME._replace(task="fold_cloth"))]
     longer = [dataclasses.replace(short[0], env_steps=400)]

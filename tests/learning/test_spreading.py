@@ -67,6 +67,8 @@ def test_joined_folders_are_one_training_of_all_seeds(tmp_path):
     cards = [json.loads((path / "card.json").read_text()) for path in (tmp_path / "out", both)]
     for name in ("method", "preset", "training", "settings", "evaluations", "seeds", "env_steps"):
         assert cards[0][name] == cards[1][name]
+    apart = [json.loads((folder / "card.json").read_text())["seconds"] for folder in folders]
+    assert cards[0]["seconds"] == sum(apart)
     for seed, folder in zip((4, 3), folders, strict=True):
         file = f"policy_{seed}.pt2"
         assert (tmp_path / "out" / file).read_bytes() == (folder / file).read_bytes()
