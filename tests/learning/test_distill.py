@@ -9,7 +9,7 @@ from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.frames import pictured
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.methods.distill import LABEL, Distill, DistillSettings
-from softgym_mj.learning.methods.students import Student
+from softgym_mj.learning.methods.students import Student, likeliest
 from softgym_mj.learning.registry import find_method
 from softgym_mj.policies.reactive import rope_configuration
 
@@ -55,7 +55,52 @@ def test_the_loss_is_the_smooth_l1_distance_computed_by_hand():
     action = torch.tensor([[0.3], [0.6], [1.0]])
     # |.2| and 0 are below beta: x^2 / (2 beta); |1.5| is above it: x - beta / 2.
     expected = (0.2**2 / (2 * 0.5) + (1.5 - 0.5 / 2) + 0.0) / 3
-    assert learner.loss(lambda seen: action, batch).item() == pytest.approx(expected, rel=1e-6)
+    learner.students[0].predicted = lambda seen: action
+    assert learner.loss(learner.students[0], batch).item() == pytest.approx(expected, rel=1e-6)
+
+
+def test_the_loss_of_bins_is_the_cross_entropy_computed_by_hand():
+    learner = Distill(DistillSettings(**SMALL, bins=3), problem(), _teacher)
+    labels, scores = (
+        torch.tensor([[-0.75], [1.0]]),
+        torch.tensor([[2.0, 1.0, 0.0], [0.0, 0.0, 3.0]]),
+    )
+    learner.students[0].predicted = lambda seen: scores
+    # -0.75 is three quarters of -1 and a quarter of 0; 1 is the last value.
+    logs = [
+        2.0 - np.log(np.exp([2.0, 1.0, 0.0]).sum()), 1.0 - np.log(np.exp([2.0, 1.0, 0.0]).sum()),
+        3.0 - np.log(np.exp([0.0, 0.0, 3.0]).sum()),
+    ]  # fmt: skip
+    expected = -(0.75 * logs[0] + 0.25 * logs[1] + logs[2]) / 2
+    found = learner.loss(learner.students[0], {LABEL: labels}).item()
+    assert found == pytest.approx(expected, rel=1e-6)
+
+
+def test_the_likeliest_actions_are_means_around_the_best_bin():
+    # Values -1, -0.5, 0, 0.5, 1.
+    shares = torch.tensor([[0.3, 0.02, 0.1, 0.5, 0.08], [0.4, 0.1, 0.0, 0.25, 0.25]])
+    expected = [(0.5 * 0.5 + 0.08) / (0.1 + 0.5 + 0.08), (-0.4 - 0.05) / 0.5]
+    assert likeliest(shares.log()).tolist() == pytest.approx(expected, rel=1e-5)
+
+
+@pytest.mark.parametrize("bins", [0, 21])
+def test_students_with_bins_choose_one_of_two_labels_where_others_average(bins):
+    """Labels have a sign that a student does not observe, 0.6 in two thirds and -0.6 in a third."""
+    settings = DistillSettings(
+        **SMALL, bins=bins, rate=3e-3, updates=8, batch=64, noise=0.0, wild_noise=0.0
+    )
+    learner = Distill(settings, problem(num_envs=48, env_steps=48 * 40), lambda s: 0.6 * s.sign())
+    signs = torch.where(torch.arange(48) % 3 > 0, 1.0, -1.0)[None, :, None]
+    hidden = seen_at(torch.zeros(1, 48, 1))
+    first = torch.ones(1, 48, dtype=bool)
+    for _ in range(40):
+        learner.act({**hidden, "markov": signs}, first, None, explore=True)
+        learner.learn(Step(*[None] * 6))
+    action, _ = learner.act({**hidden, "markov": signs}, first, None, explore=False)
+    if bins:
+        assert action.flatten().tolist() == pytest.approx([0.6] * 48, abs=0.03)
+    else:
+        assert 0.0 < action.mean().item() < 0.55
 
 
 def test_the_network_is_that_of_its_layers():
@@ -286,6 +331,9 @@ def test_missing_functions_are_refused_as_teachers():
 def test_bad_settings_are_refused():
     with pytest.raises(InvalidArgumentError, match="35 pixels"):
         Student(DistillSettings(), {"rgb": (20, 20, 3)}, 2)
+    for bins in (-1, 1, 2):
+        with pytest.raises(InvalidArgumentError, match=f"bins={bins}"):
+            DistillSettings(bins=bins)
 
 
 @pytest.mark.parametrize("observed", ["rgb", "depth", "external_rgb", ["reduced", "rgb"]])

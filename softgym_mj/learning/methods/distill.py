@@ -18,7 +18,7 @@ from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.cuda_graph import CudaGraph
 from softgym_mj.learning.frames import Frames, stacked
 from softgym_mj.learning.learner import Problem, Step
-from softgym_mj.learning.methods.students import Observation, Student, StudentSettings
+from softgym_mj.learning.methods.students import Observation, Student, StudentSettings, binned
 from softgym_mj.learning.networks import StoredInHalf, drawn, generators
 from softgym_mj.learning.point_encoder import POINTS, layout_of
 from softgym_mj.policies.saved import imported
@@ -151,10 +151,16 @@ class Distill:
         return {"loss": torch.stack(losses)}
 
     def loss(self, student: nn.Module, batch: Observation) -> Tensor:
-        """Returns the smooth L1 distance of a student's actions from the batch's labels."""
+        """Returns the distance of a student's actions from the batch's labels.
+
+        It is the cross entropy with `bins`, otherwise the smooth L1 distance.
+        """
         with self._precision(True):
-            action = student(batch)
-        return nn.functional.smooth_l1_loss(action.float(), batch[LABEL], beta=self._settings.beta)
+            predicted = student.predicted(batch).float()
+        if bins := self._settings.bins:
+            scores = predicted.unflatten(-1, (-1, bins)).log_softmax(-1)
+            return -(binned(batch[LABEL], bins) * scores).sum(-1).mean()
+        return nn.functional.smooth_l1_loss(predicted, batch[LABEL], beta=self._settings.beta)
 
     def _precision(self, is_reduced: bool) -> torch.autocast:
         on_gpu = self._problem.device == "cuda"

@@ -42,6 +42,8 @@ class StudentSettings:
         teacher_until: share of the training over which that falls to zero.
         noise: standard deviation of the noise on actions that are carried out.
         wild_noise: the same in an eighth of the environments, added to `noise`.
+        bins: number of values of each action that the student tells apart: it gives each a
+            probability and takes the most likely one; 0 for one number an action.
         points: whether attention over the object's points encodes the numbers; for students
             of `reduced`, `key_points` or `markov` and other numbers.
 
@@ -67,12 +69,15 @@ class StudentSettings:
     teacher_until: float = 0.2
     noise: float = 0.05
     wild_noise: float = 0.3
+    bins: int = 0
     points: bool = False
 
     def __post_init__(self):
         for name in ("frames", "channels", "features", "updates", "batch", "buffer", "warm_up"):
             check_count(name, getattr(self, name), 1)
         check_count("shift", self.shift, 0)
+        if self.bins:
+            check_count("bins", self.bins, 3)
         for name in ("teacher_share", "teacher_until"):
             check_number(name, getattr(self, name), ge=0.0, le=1.0)
 
@@ -133,14 +138,21 @@ class Student(nn.Module):
             )  # fmt: skip
         else:
             self.encoder = PointEncoder(layout, others, settings.features)
+        self.bins = settings.bins
         width = settings.features + others
         head: list[nn.Module] = []
-        for size, following in itertools.pairwise((width, *settings.hidden, action)):
+        outputs = action * max(settings.bins, 1)
+        for size, following in itertools.pairwise((width, *settings.hidden, outputs)):
             head += [nn.Linear(size, following), nn.ReLU()]
-        self.head = nn.Sequential(*head[:-1], nn.Tanh())
+        self.head = nn.Sequential(*head[:-1], nn.Identity() if settings.bins else nn.Tanh())
 
     def forward(self, observation: Observation) -> Tensor:
-        """Returns actions (n, action).
+        """Returns actions (n, action) of the observations that `predicted` takes."""
+        found = self.predicted(observation)
+        return likeliest(found.unflatten(-1, (-1, self.bins))) if self.bins else found
+
+    def predicted(self, observation: Observation) -> Tensor:
+        """Returns actions (n, action), or scores of all their bins (n, action * bins).
 
         Args:
             observation: images (n, frames, ...), the oldest first, and other numbers (n, k).
@@ -156,3 +168,22 @@ class Student(nn.Module):
             torch.cat(seen, -1).movedim(-1, 1) if seen else torch.cat(others, -1)
         )
         return self.head(torch.cat([encoded, *others], -1))
+
+
+def binned(action: Tensor, bins: int) -> Tensor:
+    """Returns probabilities (..., bins) of the values of actions (...) in -1..1.
+
+    Actions between two values belong to both, in proportion to their nearness.
+    """
+    values = torch.linspace(-1.0, 1.0, bins, device=action.device)
+    width = 2.0 / (bins - 1)
+    return (1.0 - (action[..., None] - values).abs() / width).clamp(min=0.0)
+
+
+def likeliest(scores: Tensor) -> Tensor:
+    """Returns the likeliest actions (...) given scores (..., bins): means around the best bin."""
+    bins = scores.shape[-1]
+    numbers = torch.arange(bins, device=scores.device)
+    near = (numbers - scores.argmax(-1, keepdim=True)).abs() <= 1
+    share = torch.where(near, scores.float(), -torch.inf).softmax(-1)
+    return (share * torch.linspace(-1.0, 1.0, bins, device=scores.device)).sum(-1)
