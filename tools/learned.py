@@ -33,8 +33,9 @@ STALE = {
 _TITLES = {"teacher_student": "teacher and student", "distill": "distillation", "wu": "Wu et al."}
 _KINDS = "policy on states", "on images + proprioception", "on images alone", "CEM"
 _SEEDS = 5  # Number of seeds of a row, unless the overview names another.
-# Colors of methods with their observations: Matplotlib's cycle, with black for its gray, and more.
-_COLORS = *(f"C{k}" for k in range(10) if k != 7), "black", "navy", "darkgreen", "maroon", "orchid"
+# Colors of methods with their observations: those of Matplotlib without gray, and more.
+_MORE = "black", "navy", "darkgreen", "maroon", "gold", "chartreuse"
+_COLORS = *(f"C{k}" for k in range(10) if k != 7), *_MORE
 _STYLES = "-", ":", "--", "-."  # Line styles of the curves of a method and observation in a panel.
 _DASHES = "--", "-.", (0, (1, 4))  # Line styles of published numbers of others in a panel.
 _LOWEST = -0.5  # Lower end of the axis: worse policies would squeeze the others.
@@ -269,7 +270,7 @@ def _panel(
         shown_name = name[1:] if len(same) > 1 else name[1:4]
         title = ", ".join(shown_name[name.actor == DEFAULT_ACTOR :])
         style = _STYLES[same.index(name) % len(_STYLES)]
-        color = _COLORS[keys.index(_color_key(name)) % len(_COLORS)]
+        color = _COLORS[keys.index(_color_key(name))]
         axes.plot(steps / 1000, median, style, color=color, label=title)
         axes.fill_between(steps / 1000, low, high, color=color, alpha=0.2, linewidth=0)
     compared = (r for r in known if any(r.compares(name) for name in shown))
