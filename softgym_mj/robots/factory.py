@@ -19,7 +19,7 @@ _GEOMETRY = {"cloth": picker.CLOTH_GEOMETRY, "rope": picker.ROPE_GEOMETRY}
 
 def make_actor(
     actor: str,
-    kind: str | CupTool,
+    material: str | CupTool,
     *,
     base_height: float = 0.0,
     num_pickers: int | None = None,
@@ -32,7 +32,7 @@ def make_actor(
 
     Args:
         actor: one of `GRIPPERS`, or of `CUP_ACTORS` for a cup.
-        kind: object that it handles: "cloth", "rope", or a cup.
+        material: what it handles: "cloth", "rope", or a cup.
         base_height: height of arms' bases above the floor [m].
         num_pickers: number of pickers; None for 2, or 1 for pixels. Not for arms.
         arms: number of arms, 1 or 2; None for 2. Only for arms.
@@ -42,12 +42,12 @@ def make_actor(
             arms; those that hold a cup have one kind.
 
     Raises:
-        InvalidArgumentError: if there is no such actor, kind, grasp, look or action; if the number
-            is not possible, or for a setting of other actors.
+        InvalidArgumentError: if there is no such actor, material, grasp, look or action; if the
+            number is not possible, or for a setting of other actors.
         UnavailableError: if Menagerie's model is not available.
     """
     look = "primitive" if visual is None else visual
-    if isinstance(kind, CupTool):
+    if isinstance(material, CupTool):
         check_name("actor", actor, CUP_ACTORS)
         others = {"num_pickers": num_pickers, "arms": arms, "grasp": grasp}
         _refuse(others, "None: one actor moves the cup")
@@ -55,11 +55,11 @@ def make_actor(
         if actor in ARMS:
             from softgym_mj.robots.arm.cup_arm import CupArm
 
-            return CupArm(ARMS[actor], kind, look)
+            return CupArm(ARMS[actor], material, look)
         _refuse({"visual": visual}, f"None with actor={actor!r}")
-        return CupMover(kind)
+        return CupMover(material)
     check_name("actor", actor, GRIPPERS)
-    check_name("kind", kind, _GEOMETRY)
+    check_name("material", material, _GEOMETRY)
     if actor in ARMS:
         _refuse({"num_pickers": num_pickers}, "None: arms are counted by `arms`")
         from softgym_mj.robots.arm.arms import Arms  # mink takes a quarter of a second to import.
@@ -71,7 +71,7 @@ def make_actor(
     _refuse(others, f"None with actor={actor!r}")
     if num_pickers is None:
         num_pickers = 1 if actor == "pixel_pick_and_place" else 2
-    return PICKERS[actor](geometry=_GEOMETRY[kind], num_pickers=num_pickers)
+    return PICKERS[actor](geometry=_GEOMETRY[material], num_pickers=num_pickers)
 
 
 def _refuse(settings: Mapping[str, object], valid: str) -> None:

@@ -142,7 +142,7 @@ def test_the_start_is_above_the_floor():
         ({"workspace": ((-1, -1, 0), (1, 1, 1))}, {}, r"workspace=.*a Workspace\("),
         ({"symmetries": "same"}, {}, "symmetries='same'.*`anywhere` or `mirrored`"),
         ({"symmetries": anywhere}, {}, "symmetries=.*`anywhere` or `mirrored`"),
-        ({"material": "towel"}, {}, "kind='towel'.*'cloth', 'rope'"),
+        ({"material": "towel"}, {}, "material='towel'.*'cloth', 'rope'"),
     ],
 )
 def test_wrong_arguments_and_class_data_are_errors(data, arguments, message):
