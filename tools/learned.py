@@ -122,8 +122,7 @@ def overview(docs: str) -> str:
         "the material.",
         "*Distillation*: a student imitates a "
         f"[published state policy]({docs}policies.md), so it can exceed the median of its "
-        f"teacher's training. Students of {_taught_by_functions()} imitate a [hand-written "
-        f"expert]({docs}learning.md#from-a-state-policy-to-an-image-policy).",
+        f"teacher's training.{_taught_by_functions(docs)}",
         "*CEM*: plans with the true dynamics and learns nothing; ten episodes.",
         "Settings of `fold_cloth` and `drop_cloth` were chosen by held-out scores, which makes "
         "these rows optimistic.",
@@ -134,12 +133,16 @@ def overview(docs: str) -> str:
     )
 
 
-def _taught_by_functions() -> str:
-    """Returns the tasks with published students of a function instead of a saved policy."""
+def _taught_by_functions(docs: str) -> str:
+    """Returns a sentence on published students of a function instead of a saved policy."""
     runs, own = read_queue(RESULTS / "queue.toml"), rows()
     tasks = {run.task for run in runs if ":" in (run.teacher or "") and run.is_done(own)}
-    *others, last = (f"`{task}`" for task in TASKS if task in tasks)
-    return f"{', '.join(others)} and {last}"
+    *others, last = [f"`{task}`" for task in TASKS if task in tasks] or [""]
+    if not last:
+        return ""
+    students = " and ".join([", ".join(others), last] if others else [last])
+    page = f"{docs}learning.md#from-a-state-policy-to-an-image-policy"
+    return f" Students of {students} imitate a [hand-written expert]({page})."
 
 
 def matrix() -> str:
