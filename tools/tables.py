@@ -1,8 +1,8 @@
 """Writes tables into README.md and docs: of the tasks, and of what was measured.
 
-That is docs/experts.json, docs/throughput.json, docs/vector.json, docs/fluid.json, those of
-tools/gpu_tables.py, docs/lerobot.json, docs/lab.csv, docs/rope_recordings.json,
-docs/cloth_recordings.json, docs/water_recordings.json, and docs/results.
+That is docs/experts.json, docs/throughput.json, docs/vector.json, docs/fluid.json,
+docs/hidden.json, those of tools/gpu_tables.py, docs/lerobot.json, docs/lab.csv,
+docs/rope_recordings.json, docs/cloth_recordings.json, docs/water_recordings.json, and docs/results.
 """
 
 import json
@@ -13,9 +13,11 @@ from collections.abc import Callable
 from benchmarks import experts
 from softgym_mj.evaluation import comparison, plots
 from softgym_mj.learning.results import planned_env_steps
+from softgym_mj.policies.exported import has_images
 from softgym_mj.registry import DOMAIN as SOFTGYM
 from softgym_mj.registry import PLUS, TASKS, task_names
 from softgym_mj.robots.arm.models import ARMS
+from softgym_mj.storage.files import read_json
 from softgym_mj.variations.randomization import Parameter
 from tools import (
     cloth_tables,
@@ -175,6 +177,24 @@ def beyond(scores: experts.Scores) -> str:
     return table(f"| task | {titles} |", rows)
 
 
+def hidden(scores: experts.Scores) -> str:
+    """Scores of experts and published policies on usual and hidden categories."""
+    rows = []
+    for task, policies in measured("hidden").items():
+        for name, own in policies.items():
+            usual, label = score(scores[task]["default"]), "expert"
+            if name != "scripted":
+                card = read_json(learned.RESULTS / "policies" / f"{name}.json")
+                seed = card["policy"]["seed"]
+                (last,) = (r for r in card["last"] if (r["seed"], r["split"]) == (seed, "evaluate"))
+                sees_images = has_images(card["training"]["observation"])
+                label = "from images" if sees_images else "from states"
+                usual = f"{last['normalized_performance']:.2f}"
+            mean, least, number = own["mean"], own["min"], own["episodes"]
+            rows.append(f"| `{task}` | {label} | {usual} | {mean:.2f} ({least:.2f}) | {number} |")
+    return table("| task | policy | usual category | hidden category | episodes |", rows)
+
+
 def parameters() -> str:
     """The domain parameters of all tasks, and which tasks have them."""
     tasks: dict[Parameter, list[str]] = {}
@@ -216,7 +236,8 @@ def pages() -> dict[pathlib.Path, str]:
                               "tasks": lambda: overview(scores),
                               "reality": reality_table.summary}),
         (DOCS / "robots.md", {"speed": arm_speeds}),
-        (DOCS / "softgym_plus.md", {"tasks": lambda: beyond(scores)}),
+        (DOCS / "softgym_plus.md", {"tasks": lambda: beyond(scores),
+                                     "hidden": lambda: hidden(scores)}),
         (DOCS / "gpu.md", {"speed": materials, "processes": processes, **gpu_tables.RATES}),
         (DOCS / "gpu_kernels.md", {**gpu_tables.DETAILS}),
         (DOCS / "pictures.md", {"gallery": stills}),
