@@ -65,7 +65,7 @@ def test_the_loss_of_bins_is_the_cross_entropy_computed_by_hand():
         torch.tensor([[-0.75], [1.0]]),
         torch.tensor([[2.0, 1.0, 0.0], [0.0, 0.0, 3.0]]),
     )
-    learner.students[0].predicted = lambda seen: scores
+    learner.students[0].predicted = lambda seen: scores[:, None]
     # -0.75 is three quarters of -1 and a quarter of 0; 1 is the last value.
     logs = [
         2.0 - np.log(np.exp([2.0, 1.0, 0.0]).sum()), 1.0 - np.log(np.exp([2.0, 1.0, 0.0]).sum()),

@@ -158,8 +158,7 @@ class Distill:
         with self._precision(True):
             predicted = student.predicted(batch).float()
         if bins := self._settings.bins:
-            scores = predicted.unflatten(-1, (-1, bins)).log_softmax(-1)
-            return -(binned(batch[LABEL], bins) * scores).sum(-1).mean()
+            return -(binned(batch[LABEL], bins) * predicted.log_softmax(-1)).sum(-1).mean()
         return nn.functional.smooth_l1_loss(predicted, batch[LABEL], beta=self._settings.beta)
 
     def _precision(self, is_reduced: bool) -> torch.autocast:

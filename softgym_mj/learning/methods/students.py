@@ -149,10 +149,10 @@ class Student(nn.Module):
     def forward(self, observation: Observation) -> Tensor:
         """Returns actions (n, action) of the observations that `predicted` takes."""
         found = self.predicted(observation)
-        return likeliest(found.unflatten(-1, (-1, self.bins))) if self.bins else found
+        return likeliest(found) if self.bins else found
 
     def predicted(self, observation: Observation) -> Tensor:
-        """Returns actions (n, action), or scores of all their bins (n, action * bins).
+        """Returns actions (n, action), or scores of their bins (n, action, bins).
 
         Args:
             observation: images (n, frames, ...), the oldest first, and other numbers (n, k).
@@ -167,7 +167,8 @@ class Student(nn.Module):
         encoded = self.encoder(
             torch.cat(seen, -1).movedim(-1, 1) if seen else torch.cat(others, -1)
         )
-        return self.head(torch.cat([encoded, *others], -1))
+        found = self.head(torch.cat([encoded, *others], -1))
+        return found.unflatten(-1, (-1, self.bins)) if self.bins else found
 
 
 def binned(action: Tensor, bins: int) -> Tensor:
