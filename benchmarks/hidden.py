@@ -36,15 +36,14 @@ def policies(task: str) -> dict[str, pathlib.Path]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("tasks", nargs="*", help=f"of {', '.join(HIDDEN)}; else all")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--folder", type=pathlib.Path, default="hidden")
     told = parser.parse_args()
     found: dict[str, dict[str, dict[str, float]]] = {}
-    for task in told.tasks or HIDDEN:
+    for task, settings in HIDDEN.items():
         for name, policy in {"scripted": "scripted", **policies(task)}.items():
             variations = tuple(SPLITS["evaluate"])[:: STRIDES.get((task, name), 1)]
-            case = Configuration(task, str(policy), variations, settings=HIDDEN[task])
+            case = Configuration(task, str(policy), variations, settings=settings)
             with make_executor(told.jobs) as executor:
                 result = evaluate(case, told.folder / task / name, executor, trust=True)
             summary = result["summary"]
