@@ -137,12 +137,9 @@ def _taught_by_functions(docs: str) -> str:
     """Returns a sentence on published students of a function instead of a saved policy."""
     runs, own = read_queue(RESULTS / "queue.toml"), rows()
     tasks = {run.task for run in runs if ":" in (run.teacher or "") and run.is_done(own)}
-    *others, last = [f"`{task}`" for task in TASKS if task in tasks] or [""]
-    if not last:
-        return ""
-    students = " and ".join([", ".join(others), last] if others else [last])
+    named = ", ".join(f"`{task}`" for task in TASKS if task in tasks)
     page = f"{docs}learning.md#from-a-state-policy-to-an-image-policy"
-    return f" Students of {students} imitate a [hand-written expert]({page})."
+    return f" [Hand-written experts]({page}) teach the students of {named}." if named else ""
 
 
 def matrix() -> str:
