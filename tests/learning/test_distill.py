@@ -9,7 +9,7 @@ from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.frames import pictured
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.methods.distill import LABEL, Distill, DistillSettings
-from softgym_mj.learning.methods.students import Student, likeliest
+from softgym_mj.learning.methods.students import Student, chosen
 from softgym_mj.learning.registry import find_method
 from softgym_mj.policies.reactive import rope_configuration
 
@@ -76,11 +76,22 @@ def test_the_loss_of_bins_is_the_cross_entropy_computed_by_hand():
     assert found == pytest.approx(expected, rel=1e-6)
 
 
-def test_the_likeliest_actions_are_means_around_the_best_bin():
-    # Values -1, -0.5, 0, 0.5, 1.
-    shares = torch.tensor([[0.3, 0.02, 0.1, 0.5, 0.08], [0.4, 0.1, 0.0, 0.25, 0.25]])
-    expected = [(0.5 * 0.5 + 0.08) / (0.1 + 0.5 + 0.08), (-0.4 - 0.05) / 0.5]
-    assert likeliest(shares.log()).tolist() == pytest.approx(expected, rel=1e-5)
+def test_chosen_actions_are_means_in_the_window_that_holds_the_most():
+    values = [-1.0, -0.5, 0.0, 0.5, 1.0]
+    cases = [
+        ([0.35, 0.0, 0.05, 0.3, 0.3], 3),  # -1 is the single best, but 0.5 and 1 are neighbors.
+        ([0.55, 0.1, 0.0, 0.2, 0.15], 0),
+    ]
+    for shares, best in cases:
+        inside = [
+            [share * np.exp(-0.5 * ((value - center) / 0.5) ** 2)
+             for share, value in zip(shares, values, strict=True)]
+            for center in values
+        ]  # fmt: skip
+        assert np.argmax(np.sum(inside, 1)) == best
+        expected = np.dot(inside[best], values) / np.sum(inside[best])
+        found = chosen(torch.tensor(shares).log()[None])
+        assert found.item() == pytest.approx(expected, rel=1e-5)
 
 
 @pytest.mark.parametrize("bins", [0, 21])
@@ -98,7 +109,9 @@ def test_students_with_bins_choose_one_of_two_labels_where_others_average(bins):
         learner.learn(Step(*[None] * 6))
     action, _ = learner.act({**hidden, "markov": signs}, first, None, explore=False)
     if bins:
-        assert action.flatten().tolist() == pytest.approx([0.6] * 48, abs=0.03)
+        # The window around 0.6 holds exp(-(1.2 / 0.5)^2 / 2) = 0.056 of the labels of -0.6.
+        expected = 0.6 * (2 - 0.056) / (2 + 0.056)
+        assert action.flatten().tolist() == pytest.approx([expected] * 48, abs=0.03)
     else:
         assert 0.0 < action.mean().item() < 0.55
 

@@ -13,6 +13,7 @@ from softgym_mj.learning.point_encoder import Layout, PointEncoder
 from softgym_mj.validation import typed
 
 _LAYERS = ((5, 2), (3, 2), (3, 2), (3, 1))  # Kernel and stride of each convolution.
+_WINDOW = 0.5  # Standard deviation of the window in which actions are chosen.
 Observation = Mapping[str, Tensor]
 
 
@@ -43,7 +44,7 @@ class StudentSettings:
         noise: standard deviation of the noise on actions that are carried out.
         wild_noise: the same in an eighth of the environments, added to `noise`.
         bins: number of values of each action that the student tells apart: it gives each a
-            probability and takes the most likely one; 0 for one number an action.
+            probability and takes the highest peak; 0 for one number an action.
         points: whether attention over the object's points encodes the numbers; for students
             of `reduced`, `key_points` or `markov` and other numbers.
 
@@ -149,7 +150,7 @@ class Student(nn.Module):
     def forward(self, observation: Observation) -> Tensor:
         """Returns actions (n, action) of the observations that `predicted` takes."""
         found = self.predicted(observation)
-        return likeliest(found) if self.bins else found
+        return chosen(found) if self.bins else found
 
     def predicted(self, observation: Observation) -> Tensor:
         """Returns actions (n, action), or scores of their bins (n, action, bins).
@@ -181,10 +182,14 @@ def binned(action: Tensor, bins: int) -> Tensor:
     return (1.0 - (action[..., None] - values).abs() / width).clamp(min=0.0)
 
 
-def likeliest(scores: Tensor) -> Tensor:
-    """Returns the likeliest actions (...) given scores (..., bins): means around the best bin."""
-    bins = scores.shape[-1]
-    numbers = torch.arange(bins, device=scores.device)
-    near = (numbers - scores.argmax(-1, keepdim=True)).abs() <= 1
-    share = torch.where(near, scores.float(), -torch.inf).softmax(-1)
-    return (share * torch.linspace(-1.0, 1.0, bins, device=scores.device)).sum(-1)
+def chosen(scores: Tensor) -> Tensor:
+    """Returns the actions (...) of the highest peaks of probabilities, given scores (..., bins).
+
+    A Gaussian window stands where it holds the most; the action is the mean in it. The single best
+    bin jumps from one env step to the next where two are nearly as good.
+    """
+    values = torch.linspace(-1.0, 1.0, scores.shape[-1], device=scores.device)
+    windows = torch.exp(-0.5 * ((values[:, None] - values) / _WINDOW) ** 2)
+    shares = scores.float().softmax(-1)
+    inside = shares * windows[(shares @ windows).argmax(-1)]
+    return (inside * values).sum(-1) / inside.sum(-1)
