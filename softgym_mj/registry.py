@@ -6,7 +6,7 @@ import pathlib
 import pkgutil
 import re
 import typing
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
@@ -102,25 +102,27 @@ class TaskRecord:
                 annotations[parameter.name] = parameter.annotation
         return annotations
 
-    def check_arguments(self, arguments: Mapping[str, object], others: Sequence[str] = ()) -> None:
+    def check_arguments(self, arguments: Mapping[str, object], *callers: Callable) -> None:
         """Raises unless all arguments are known to the class and have the right types.
 
         Args:
             arguments: keyword arguments.
-            others: names that the caller accepts in addition, for the message.
+            *callers: functions whose optional arguments are accepted in addition, of any type.
 
         Raises:
             UnexpectedArgumentError: for an unknown name.
             InvalidArgumentError: for a value of the wrong type.
         """
-        own = self.arguments
+        signatures = [inspect.signature(caller).parameters.values() for caller in callers]
+        known = {p.name: Any for own in signatures for p in own if p.default is not p.empty}
+        known = self.arguments | known
         for name, value in arguments.items():
-            if name not in own:
+            if name not in known:
                 raise UnexpectedArgumentError(
                     f"{self.name} got an unexpected keyword argument {name!r}"
-                    + choices(name, (*own, *others))
+                    + choices(name, known)
                 )
-            check_type(name, value, own[name])
+            check_type(name, value, known[name])
 
     def build(self, **task_kwargs) -> "Task":
         """Builds the task; raises the errors of `check_arguments`."""

@@ -1,7 +1,7 @@
 """`SoftGymEnv`: a Gymnasium environment over `Environment`."""
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import gymnasium
@@ -26,9 +26,31 @@ from softgym_mj.exceptions import (
 from softgym_mj.rendering.offscreen import LARGEST_IMAGE, CameraView, camera_ids
 from softgym_mj.validation import check_type
 
-_OF_ENVIRONMENT = ("split", "horizon", "render_mode", "render_size", "camera", "clip_actions")
 # Attributes copied in addition to the arguments and the state of the episode.
 _COPIED = ("_np_random", "_np_random_seed", "action_space", "observation_space", "_spec")
+
+
+def check_arguments(
+    task: str | registry.TaskRecord, arguments: Mapping[str, object], *callers: Callable
+) -> registry.TaskRecord:
+    """Returns the record of a task, after a check of arguments of its `SoftGymEnv`.
+
+    Args:
+        task: task name, or a record.
+        arguments: keyword arguments.
+        *callers: functions whose optional arguments are accepted in addition.
+
+    Raises:
+        UnexpectedArgumentError, InvalidArgumentError: as in `TaskRecord.check_arguments`.
+    """
+    if "random_state" in arguments:
+        raise UnexpectedArgumentError(
+            "SoftGymEnv got an unexpected keyword argument 'random_state': seed it by "
+            "reset(seed=...)."
+        )
+    record = registry.find(task)
+    record.check_arguments(arguments, SoftGymEnv, *callers)
+    return record
 
 
 def space_of(spec: specs.Array) -> gymnasium.spaces.Box:
@@ -84,12 +106,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
                 time; else they are rejected.
             **task_kwargs: keyword arguments of the task, such as `observation` or `actor`.
         """
-        if "random_state" in task_kwargs:
-            raise UnexpectedArgumentError(
-                "SoftGymEnv got an unexpected keyword argument 'random_state': seed it by "
-                "reset(seed=...)."
-            )
-        registry.find(task).check_arguments(task_kwargs, _OF_ENVIRONMENT)
+        check_arguments(task, task_kwargs)
         EzPickle.__init__(
             self, task, render_mode, render_size=render_size, camera=camera, split=split,
             horizon=horizon, clip_actions=clip_actions, **task_kwargs,

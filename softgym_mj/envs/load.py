@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from softgym_mj.envs.environment import Environment
     from softgym_mj.tasks.shared.base import Task
 
-_OF_LOAD = ("split", "horizon", "random_state")
-
 
 def load(
     task: str | TaskRecord,
@@ -49,7 +47,7 @@ def load(
     from softgym_mj.envs.environment import Environment
     from softgym_mj.tasks.shared.arguments import arguments_of_states
 
-    record.check_arguments(task_kwargs, _OF_LOAD)
+    record.check_arguments(task_kwargs, load)
     built = record.build(**task_kwargs)
     if record.is_custom:
         built.arguments = arguments_of_states(record.resolve(), task_kwargs)

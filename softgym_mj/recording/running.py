@@ -15,6 +15,7 @@ import gymnasium
 import numpy as np
 
 from softgym_mj import registry
+from softgym_mj.envs.gymnasium_env import check_arguments
 from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_name
 from softgym_mj.parallel.executors import make_executor
 from softgym_mj.policies.experts import sources_sha256
@@ -96,7 +97,8 @@ def record(
             the format cannot store, `idle="drop"` with a policy that is no expert, settings that
             JSON cannot hold, no expert of the task; if no episode is left.
     """
-    result = registry.find(task)
+    check_settings(settings)
+    result = check_arguments(task, settings, record)
     variations = [check_variation(variation) for variation in variations]
     check_name("idle", idle, IDLE)
     if idle == "drop" and policy != "scripted":
@@ -104,7 +106,6 @@ def record(
     check_noise(noise, seed)
     if not variations:
         raise InvalidArgumentError("variations", variations, "at least one")
-    check_settings(settings)
     kind = make_format(format, codec)
     signed = author, author_email, code_permalink
     kind.check_signed(*signed)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from gymnasium.vector import AutoresetMode
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
-from softgym_mj.registry import TaskRecord, find
+from softgym_mj.registry import TaskRecord
 
 if TYPE_CHECKING:
     from softgym_mj.batch.device import Device
@@ -61,12 +61,13 @@ def make_vec(
     check_name("device", device, DEVICES)
     if not isinstance(autoreset_mode, AutoresetMode):
         check_name("autoreset_mode", autoreset_mode, _MODES)
-    record = find(task)  # Worker processes may not have registered the same tasks.
-    from softgym_mj.envs.gymnasium_env import SoftGymEnv
+    from softgym_mj.envs.gymnasium_env import SoftGymEnv, check_arguments
     from softgym_mj.variations.indices import split_indices
     from softgym_mj.vector.base import VectorEnv
     from softgym_mj.vector.processes import ProcessBackend
 
+    # Worker processes get the record, because they may not have registered the same tasks.
+    record = check_arguments(task, task_kwargs, make_vec)
     variations = split_indices(split)
     make = functools.partial(SoftGymEnv, record, split=split, **task_kwargs)
     backend: Backend

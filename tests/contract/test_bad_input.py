@@ -2,6 +2,7 @@
 
 import ctypes
 import dataclasses
+import functools
 import inspect
 import os
 import pathlib
@@ -18,9 +19,11 @@ import torch
 import softgym_mj
 from softgym_mj import exceptions
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
+from softgym_mj.recording import record
 
 ROPE, CLOTH, WATER = "straighten_rope", "spread_cloth", "pour_water"
 ROPE_ID = "softgym_mj/StraightenRope-v0"
+GIVEN = {"task", "num_envs", "variations"}  # Arguments that callers must give.
 
 
 def assert_says(error: pytest.ExceptionInfo, *words: str) -> None:
@@ -105,20 +108,23 @@ def test_bad_setting_in_gymnasium(settings, words):
 
 
 @pytest.mark.parametrize(
-    ("build", "function"),
+    ("build", "functions"),
     [
-        (lambda **settings: softgym_mj.load(ROPE, **settings), softgym_mj.load),
-        (lambda **settings: make(ROPE_ID, **settings), SoftGymEnv),
+        (lambda **settings: softgym_mj.load(ROPE, **settings), [softgym_mj.load]),
+        (lambda **settings: make(ROPE_ID, **settings), [SoftGymEnv]),
+        (functools.partial(softgym_mj.make_vec, ROPE, 2), [SoftGymEnv, softgym_mj.make_vec]),
+        (functools.partial(record, ROPE, [0]), [SoftGymEnv, record]),
     ],
-    ids=["load", "gymnasium"],
+    ids=["load", "gymnasium", "make_vec", "record"],
 )
-def test_an_unexpected_argument_lists_every_argument(build, function):
+def test_an_unexpected_argument_lists_every_argument(build, functions):
     message = f"{ROPE} got an unexpected keyword argument 'number_of_pickers'"
     with pytest.raises(exceptions.UnexpectedArgumentError, match=message) as error:
         build(number_of_pickers=2)
     assert isinstance(error.value, TypeError)
-    own = [parameter.name for parameter in inspect.signature(function).parameters.values()
-           if parameter.kind is not parameter.VAR_KEYWORD and parameter.name != "task"]  # fmt: skip
+    signatures = [inspect.signature(function).parameters.values() for function in functions]
+    own = {parameter.name for parameters in signatures for parameter in parameters
+           if parameter.kind is not parameter.VAR_KEYWORD} - GIVEN  # fmt: skip
     listed = re.findall(r"'(\w+)'", str(error.value).split("valid choices: ")[1].split(".")[0])
     assert sorted(listed) == sorted([*softgym_mj.TASKS[ROPE].arguments, *own])
 

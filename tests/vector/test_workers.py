@@ -67,7 +67,7 @@ def test_a_fork_on_request(forks):
 
 def test_what_cannot_be_sent():
     with pytest.raises(InvalidArgumentError, match=r"cannot be sent to worker processes: .*lock"):
-        softgym_mj.make_vec("straighten_rope", 1, sizes=threading.Lock())
+        softgym_mj.make_vec("straighten_rope", 1, camera=threading.Lock())
 
 
 # No `if __name__ == "__main__":`; nothing in it can be imported by others.
