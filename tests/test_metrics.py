@@ -125,14 +125,6 @@ def test_reference_reproduces_the_whole_table(size):
 
 
 @each_size
-def test_half_fold_has_the_published_ratio(size):
-    n, m = size
-    ratio = metrics.covered_area(half_fold(size), make_triangles(n, m)) / (n * m * RHO**2)
-    assert ratio == pytest.approx(TABLE[size][4], rel=1e-3)
-    assert ratio == pytest.approx((n // 2 - 1) * (m - 1) / (n * m), rel=1e-9)
-
-
-@each_size
 @pytest.mark.parametrize("angle", (0.0, *ANGLES))
 def test_flat_area_is_the_published_one_and_differs_from_softgyms_by_its_border(size, angle):
     n, m = size
@@ -195,66 +187,6 @@ def test_random_triangle_soup_is_the_polygon_union():
     )
 
 
-def test_overlapping_squares_count_once():
-    square = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]])
-    triangles = np.array([[0, 1, 2], [1, 3, 2]])
-    vertices, triangles = stacked(
-        (square, triangles),
-        (square + np.array([0.25, 0.5, 0.1]), triangles),
-        (square + np.array([3.0, 0.0, 0.0]), triangles),
-    )
-    exact = 3.0 - 0.75 * 0.5
-    # The covered length jumps by 0.25 at y = 0.5 and by 1.25 at y = 1, which 300 lines on 1.5 m
-    # see exactly; otherwise a jump costs at most half the pitch of the lines.
-    assert metrics.covered_area(vertices, triangles, lines=300) == pytest.approx(exact, rel=1e-12)
-    half_pitch = 1.5 / metrics.AREA_LINES / 2
-    assert metrics.covered_area(vertices, triangles) == pytest.approx(
-        exact, abs=half_pitch * (0.25 + 1.25)
-    )
-
-
-def sheet(points: int, shape) -> tuple[np.ndarray, np.ndarray]:
-    """A square sheet of points x points vertices, each placed by `shape(u, v)`, u, v in 0..1."""
-    u, v = np.meshgrid(np.linspace(0, 1, points), np.linspace(0, 1, points))
-    return np.column_stack(shape(u.ravel(), v.ravel())), make_triangles(points, points)
-
-
-def _flat_sheet(u, v):
-    return 0.4 * u, 0.4 * v, 0.0 * u
-
-
-def _half_folded_sheet(u, v):
-    return 0.4 * np.abs(u - 0.5), 0.4 * v, 0.005 * (u > 0.5)
-
-
-def _vertical_ripples(u, v):
-    # Waves raise the sheet and shorten it to 70 %.
-    return 0.28 * u, 0.4 * v, 0.04 * np.sin(6 * np.pi * u)
-
-
-def _lateral_ripples(u, v):
-    # Every column is shifted sideways: by Cavalieri's principle the area is that of the square.
-    return 0.4 * u, 0.4 * v + 0.03 * np.sin(4 * np.pi * u), 0.0 * u
-
-
-@pytest.mark.parametrize(
-    ("shape", "points", "exact"),
-    [
-        # A sheet creases exactly in half only where it has a row of vertices: odd counts.
-        (_flat_sheet, (13, 60), 0.16),
-        (_half_folded_sheet, (13, 61), 0.08),
-        (_vertical_ripples, (13, 60), 0.112),
-        (_lateral_ripples, (13, 60), 0.16),
-    ],
-)
-@pytest.mark.parametrize("angle", (0.0, 20.0, 90.0))
-def test_area_does_not_depend_on_the_resolution(shape, points, exact, angle):
-    for number in points:
-        vertices, triangles = sheet(number, shape)
-        area = metrics.covered_area(rotated(vertices, angle), triangles)
-        assert area == pytest.approx(exact, rel=1e-3)
-
-
 @pytest.mark.parametrize("direction", ([1, 0, 0], [0, 1, 0], [0, 0, 1], [3, 4, 1], [-1, 7, 0]))
 def test_area_of_a_line_is_zero(direction):
     random = np.random.default_rng(0)
@@ -290,40 +222,6 @@ def test_normalize(performance, lower, upper, expected):
 
 def count(vertices: np.ndarray, triangles: np.ndarray) -> int:
     return count_intersections(vertices, make_edges(triangles), triangles)
-
-
-BASE = np.array([[-1.0, -1.0, 0.0], [2.0, -1.0, 0.0], [-1.0, 2.0, 0.0]])
-ONE_TRIANGLE = np.array([[0, 1, 2]])
-
-
-@pytest.mark.parametrize(
-    ("other", "expected"),
-    [
-        # Two edges of the other triangle pierce the base.
-        ([[0.0, 0.0, -0.5], [0.3, 0.1, 0.5], [0.1, 0.3, 0.5]], 2),
-        # Linked like two rings: one edge of each pierces the other one.
-        ([[-2.0, 0.1, 0.0], [0.0, 0.1, 0.5], [0.0, 0.1, -0.4]], 2),
-        # Parallel 1 cm above.
-        ([[-1.0, -1.0, 0.01], [2.0, -1.0, 0.01], [-1.0, 2.0, 0.01]], 0),
-        # Its plane crosses the base, the triangle itself ends 1 cm before.
-        ([[0.0, 0.0, 0.01], [0.3, 0.1, 0.5], [0.1, 0.3, 0.5]], 0),
-        # Crosses the plane of the base, but beside the base.
-        ([[5.0, 0.0, -0.5], [5.3, 0.1, 0.5], [5.1, 0.3, 0.5]], 0),
-    ],
-    ids=("pierced", "linked", "parallel", "short", "beside"),
-)
-def test_two_triangles(other, expected):
-    mesh = stacked((BASE, ONE_TRIANGLE), (np.array(other), ONE_TRIANGLE))
-    assert count(*mesh) == expected
-
-
-def test_triangles_with_a_common_vertex_do_not_count():
-    vertices = np.array(
-        [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.5, 0.4, -0.5], [0.4, 0.5, 0.5]]
-    )
-    # The edge 3-4 pierces 0-1-2, but its triangle hangs on vertex 0: only 3-4 itself counts.
-    assert count(vertices, np.array([[0, 1, 2], [0, 3, 4]])) == 1
-    assert count(vertices, np.array([[0, 1, 2], [0, 3, 1]])) == 0
 
 
 def test_flat_and_folded_sheets_do_not_cross():
