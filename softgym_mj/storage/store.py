@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from softgym_mj.exceptions import SoftGymError, StoreError
+from softgym_mj.exceptions import StoreError
 from softgym_mj.parallel.executors import Executor, SerialExecutor
 from softgym_mj.storage.files import read_json, read_whole, write_json, write_whole
 from softgym_mj.storage.journal import Journal
@@ -47,10 +47,6 @@ ARRAYS = Codec(_arrays_to_npz, _npz_to_arrays)  # Arrays by name.
 JSON = Codec(lambda value: json.dumps(value, indent=2).encode() + b"\n", json.loads)
 
 
-def _damaged(file: pathlib.Path, reason: str) -> SoftGymError:
-    return StoreError(f"{file} cannot be read: {reason}; delete it")
-
-
 class Store:
     """Folder of values of one specification.
 
@@ -60,25 +56,18 @@ class Store:
         digest: SHA-256 of `text`.
     """
 
-    def __init__(
-        self,
-        folder: pathlib.Path,
-        specification: Mapping[str, Any],
-        codec: Codec,
-        damaged: Callable[[pathlib.Path, str], SoftGymError] = _damaged,
-    ):
+    def __init__(self, folder: pathlib.Path, specification: Mapping[str, Any], codec: Codec):
         """Sets the folder, without reading or writing it.
 
         Args:
             folder: Folder of this store alone.
             specification: All that a value depends on besides its key; JSON.
             codec: `ARRAYS` or `JSON`.
-            damaged: Makes the error for a damaged file from its path and a reason.
         """
         self._specification = json.loads(json.dumps(specification))  # JSON has no tuples.
         self.text = json.dumps(self._specification, sort_keys=True)
         self.digest = hashlib.sha256(self.text.encode()).hexdigest()
-        self.folder, self._codec, self._damaged = folder, codec, damaged
+        self.folder, self._codec = folder, codec
         self._claimed = False
 
     @property
@@ -120,8 +109,7 @@ class Store:
 
         Raises:
             FileNotFoundError: if there is none.
-            SoftGymError: the store's own, for a file that is damaged or belongs to another
-                specification or key.
+            StoreError: for a file that is damaged or belongs to another specification or key.
         """
         file = self.file(key)
         if not self.has(key):
@@ -130,7 +118,8 @@ class Store:
         expected = self._header(key, content)
         if header != expected:
             shown = header[:_SHOWN].decode(errors="replace")
-            raise self._damaged(file, f"it begins with {shown!r}, expected {expected.decode()!r}")
+            reason = f"it begins with {shown!r}, expected {expected.decode()!r}"
+            raise StoreError(f"{file} cannot be read: {reason}; delete it")
         return self._codec.decode(content)
 
     def put(self, key: Key, value: Any) -> None:
@@ -171,7 +160,7 @@ class Store:
         Returns:
             Number of values that were computed.
         """
-        absent = (FileNotFoundError, SoftGymError) if replace else FileNotFoundError
+        absent = (FileNotFoundError, StoreError) if replace else FileNotFoundError
         missing: list[Key] = []
         for key in keys:
             try:

@@ -45,7 +45,7 @@ class VariationStore(Store):
             "parameters": start.parameters,
             "mujoco": _MUJOCO_SERIES,
         }
-        super().__init__(cache_folder(), specification, ARRAYS, packs.corrupt)
+        super().__init__(cache_folder(), specification, ARRAYS)
         self.folder /= f"{start.name}-{self.digest[:12]}"
         self._start = start
 
