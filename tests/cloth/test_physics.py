@@ -77,19 +77,6 @@ def test_things_hold_on_a_slope_or_slide_as_coulomb_says(thing, friction, excess
     assert found == pytest.approx(expected, rel=0.02, abs=1e-5)
 
 
-@BOTH
-@FRICTIONS
-@pytest.mark.parametrize("speed", [0.25, 0.5, 1.0])
-def test_a_sliding_sheet_stops_after_v_squared_over_2_mu_g(friction, speed, fabric):
-    scene = FlexScene(sheet(8, 8, fabric=fabric, friction=friction))
-    scene.place(scene.positions(), [speed, 0.0, 0.0])
-    expected = speed**2 / (2 * friction * GRAVITY)
-    found = way(scene, 60)
-    assert found == pytest.approx(expected, rel=0.025)
-    # It brakes from the start of a substep on: half of one is what is missing.
-    assert found == pytest.approx(expected - speed * SUBSTEP / 2, rel=0.005)
-
-
 @THINGS
 @FRICTIONS
 def test_dragging_takes_friction_times_weight(thing, friction):
