@@ -42,9 +42,3 @@ def test_a_towel_hangs_over_a_bar(page, actor, variation):
     distance = np.hypot(points[:, 0] - bar[0], points[:, 2] - bar[2])
     assert page["RADIUS"] < distance.min() < page["RADIUS"] + 0.02
     assert points[:, 2].max() < bar[2] + 0.03
-
-
-@pytest.mark.parametrize("actor", ["picker", "franka"])
-def test_the_towel_slides_off_where_grippers_open_next_to_the_bar(page, actor, monkeypatch):
-    monkeypatch.setitem(page, "BEYOND", 0.03)
-    assert played(page, actor, 803).info()["performance"] < 0.4
