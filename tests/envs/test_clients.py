@@ -49,11 +49,6 @@ def test_torchrl(torchrl, task, kwargs):
     env.close()
 
 
-def test_torchrl_wraps_what_is_made(torchrl):
-    env = torchrl.libs.gym.GymWrapper(gymnasium.make(identifier("straighten_rope")))
-    torchrl.utils.check_env_specs(env, seed=0)
-
-
 @pytest.mark.parametrize("task", FEW)
 def test_torchrl_reads_infos(torchrl, task):
     env = torchrl.libs.gym.GymEnv(identifier(task)).auto_register_info_dict()
