@@ -4,7 +4,6 @@ import dataclasses
 import functools
 import math
 
-import numpy as np
 import pytest
 import torch
 
@@ -133,9 +132,3 @@ def test_random_actions_last_as_long_as_they_are_told_to():
                 shares.append(changed.float().mean())
     error = math.sqrt((lasting - 1.0) / lasting**2 / (2 * num_envs * len(shares)))
     assert abs(torch.stack(shares).mean() - 1.0 / lasting) < 4.0 * error
-
-
-def test_noise_is_normal():
-    numbers = drawn(generators([0, 1], "cpu"), 20_000).numpy()
-    assert np.abs(numbers.mean(1)).max() < 0.03 and np.abs(numbers.std(1) - 1.0).max() < 0.03
-    assert math.isclose(np.corrcoef(numbers)[0, 1], 0.0, abs_tol=0.03)
