@@ -10,7 +10,6 @@ from softgym_mj.policies import planners
 from softgym_mj.policies.model_predictive import ModelPredictivePolicy
 from softgym_mj.policies.planners import CEM, ICEM, colored_noise, make_planner
 from softgym_mj.policies.rollouts import ExecutorRollouts, Rollouts, answered
-from softgym_mj.storage.journal import Journal
 from softgym_mj.vector.batch.rollouts import DeviceRollouts
 from tests.contract.test_contract import actions
 
@@ -162,15 +161,6 @@ def test_returns_end_with_the_episode():
 # ---------------------------------------------------------------- policy
 
 
-def play(env, policy, steps):
-    """Actions (steps, size) of an episode."""
-    timestep, taken = env.reset(801), []
-    for _ in range(steps):
-        taken.append(policy(timestep))
-        timestep = env.step(taken[-1])
-    return np.array(taken)
-
-
 def make_policy(env, **settings):
     planner = make_planner("icem", "straighten_rope", 4, budget=80, iterations=2)
     rollouts = ExecutorRollouts("straighten_rope", {}, SerialExecutor())
@@ -180,22 +170,6 @@ def make_policy(env, **settings):
 @pytest.fixture(name="env", scope="module")
 def _env():
     return softgym_mj.load("straighten_rope", split="all")
-
-
-def test_a_journal_continues_an_episode_exactly(env, tmp_path):
-    expected = play(env, make_policy(env), 9)
-    journal = Journal(tmp_path / "episode.jsonl", "episode 801")
-    plans = []
-    play(env, make_policy(env, journal=journal, on_decision=plans.append), 3)
-    assert len(plans) == len(journal.read()) == 2
-    plans.clear()
-    result = play(env, make_policy(env, journal=journal, on_decision=plans.append), 9)
-    np.testing.assert_array_equal(result, expected)
-    assert len(plans) == 3  # The journal has the other two of five.
-    other = play(env, make_policy(env, seed=1), 9)
-    assert not np.array_equal(other, expected)
-    # Each plan is executed for two steps; the next one starts from what is left of it.
-    assert len({row.tobytes() for row in expected}) == 9
 
 
 def test_a_plan_is_executed_for_as_long_as_it_is(env):
