@@ -172,6 +172,13 @@ def _env():
     return softgym_mj.load("straighten_rope", split="all")
 
 
+def test_plans_are_of_their_seed(env):
+    timestep = env.reset(801)
+    first, again, other = (make_policy(env, seed=seed)(timestep) for seed in (0, 0, 1))
+    np.testing.assert_array_equal(again, first)
+    assert not np.array_equal(other, first)
+
+
 def test_a_plan_is_executed_for_as_long_as_it_is(env):
     with pytest.raises(InvalidArgumentError, match="replan_every=5"):
         make_policy(env, replan_every=5)
