@@ -19,6 +19,14 @@ SIM_STEP = 0.01  # [s] SoftGym's sim step: actions are applied once in each.
 BOUND_TOLERANCE = 1e-6  # Actions this far outside [-1, 1] are float32 rounding, not mistakes.
 
 
+def bounds_violated(entries: np.ndarray) -> str:
+    """Returns the end of a message about entries of an action: their bounds, and advice."""
+    advice = "clip the action first, for example with numpy.clip(action, -1, 1)."
+    if np.isnan(entries).any():
+        advice = "NaN comes from the policy or its input, and clipping does not remove it."
+    return f"must be finite and within [-1, 1]; {advice}"
+
+
 class ActionSpace(NamedTuple):
     """Entries of an action, each from -1 to 1.
 
@@ -160,12 +168,8 @@ class Actor(abc.ABC):
         limit = 1.0 + BOUND_TOLERANCE
         if not np.abs(array).max() <= limit:  # True for NaN as well.
             bad = np.flatnonzero(~(np.abs(array) <= limit))
-            advice = "clip the action first, for example with numpy.clip(action, -1, 1)."
-            if np.isnan(array).any():
-                advice = "NaN comes from the policy or its input, and clipping does not remove it."
             raise InvalidArgumentError(
-                f"action{bad.tolist()} = {array[bad].tolist()} must be finite and within [-1, 1]; "
-                f"{advice}"
+                f"action{bad.tolist()} = {array[bad].tolist()} {bounds_violated(array[bad])}"
             )
         return array
 

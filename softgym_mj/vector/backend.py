@@ -11,7 +11,7 @@ from gymnasium.vector.utils import batch_space, iterate
 from softgym_mj.envs.clipping import Clipping
 from softgym_mj.envs.snapshots import Snapshot
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError
-from softgym_mj.robots.base import BOUND_TOLERANCE
+from softgym_mj.robots.base import BOUND_TOLERANCE, bounds_violated
 from softgym_mj.validation import as_array
 from softgym_mj.vector.variation_sampler import VariationSampler
 
@@ -145,7 +145,7 @@ def checked_actions(
     if len(bad):
         first = tuple(bad[0].tolist())
         raise InvalidArgumentError(
-            f"actions{list(first)} = {actions[first]}, of environment {first[0]}, must be finite "
-            "and within [-1, 1]; clip_actions=True clips them. No environment has been stepped."
+            f"actions{list(first)} = {actions[first]}, of environment {first[0]}, "
+            f"{bounds_violated(actions[first])} No environment has been stepped."
         )
     return actions

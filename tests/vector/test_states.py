@@ -147,9 +147,15 @@ def test_a_bad_action_steps_nobody(envs):
     (act,) = actions(1)
     for bad in (np.nan, np.inf, -np.inf):
         act[1, 6] = bad
-        message = rf"actions\[1, 6\] = {bad}, of environment 1, must be finite and within \[-1, 1\]"
-        with pytest.raises(InvalidArgumentError, match=message):
+        advice = "clip the action first, for example with numpy.clip(action, -1, 1)."
+        if np.isnan(bad):
+            advice = "NaN comes from the policy or its input, and clipping does not remove it."
+        with pytest.raises(InvalidArgumentError) as error:
             envs.step(act)
+        assert str(error.value) == (
+            f"actions[1, 6] = {bad}, of environment 1, must be finite and within [-1, 1]; {advice} "
+            "No environment has been stepped."
+        )
     for few in (np.zeros(8), act[:2], 0.0):
         with pytest.raises(InvalidArgumentError, match="each of the 3 environments"):
             envs.step(few)
