@@ -131,7 +131,7 @@ def checked_actions(
     actions = as_array("actions", actions).copy()  # An interrupted step may come to it later.
     if actions.shape[:1] != (number,):
         valid = f"an action for each of the {number} environments"
-        raise InvalidArgumentError("actions", f"an array of shape {actions.shape}", valid)
+        raise InvalidArgumentError("actions.shape", actions.shape, valid)
     if not isinstance(space, gymnasium.spaces.Box):
         return actions
     if actions.dtype.kind not in "fiub" or actions.shape[1:] != space.shape:
