@@ -264,8 +264,8 @@ def _states_of_each(states: Any, number: int) -> list[_State]:
     Raises:
         SnapshotError: If their number is wrong or one is invalid.
     """
-    if not isinstance(states, Sequence) or len(states) != number:
-        raise SnapshotError(
-            f"expected the states of all {number} environments, not {brief(states)}"
-        )
+    is_sequence = isinstance(states, Sequence)
+    if not is_sequence or len(states) != number:
+        shown = f"{type(states).__name__} of length {len(states)}" if is_sequence else brief(states)
+        raise SnapshotError(f"expected the states of all {number} environments, not {shown}")
     return [checked_state(state) for state in states]

@@ -83,8 +83,8 @@ def test_bad_states(envs):
     envs.reset(seed=SEED), cloth.reset(seed=SEED)
     states = envs.get_state()
     for bad, message in (
-        (states[:2], "all 3 environments, not list"),
-        (states[0], "all 3 environments, not tuple"),
+        (states[:2], "all 3 environments, not list of length 2$"),
+        (states[0], "all 3 environments, not tuple of length 2$"),
         (None, "all 3 environments, not NoneType None"),
         ([*states[:2], None], "what `get_state` returned, not NoneType None"),
         (
