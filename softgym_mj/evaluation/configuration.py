@@ -93,8 +93,10 @@ class Configuration:
             object.__setattr__(self, "planning", planning)
             check_count("replan_every", planning.replan_every, 1, horizon)
         elif self.planning is not None:
+            names = (field.name for field in dataclasses.fields(Planning))
             raise InvalidArgumentError(
-                f"planning is for {', '.join(PLANNERS)}, not for {self.policy!r}"
+                f"planning is for {', '.join(PLANNERS)}, not for {self.policy!r}: leave out "
+                f"{', '.join(names)}"
             )
 
     def _observe(self) -> None:

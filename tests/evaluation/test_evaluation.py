@@ -307,7 +307,10 @@ def test_the_command_line_chooses_variations_and_actors(tmp_path):
         assert result["settings"] == {"horizon": 1, "actor": "picker"}
     for options, words in {
         ("--variations", "3", "--episodes", "2"): "--variations cannot be combined with --episodes",
-        ("--horizon", "5"): "planning is for cem, icem, not for 'zero'",
+        ("--horizon", "5"): (
+            "planning is for cem, icem, not for 'zero': leave out horizon, budget, iterations, "
+            "replan_every"
+        ),
         ("--task-settings", '{"actor": "ur5e"}', "--actor", "franka"): (
             "task_settings: actor='ur5e' is not valid: expected 'franka', the value of --actor"
         ),
