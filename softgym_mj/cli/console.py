@@ -87,14 +87,15 @@ def policy_file(name: str) -> str:
     """Returns the file of a published policy, such as straighten_rope-sac; other names as given.
 
     Raises:
-        InvalidArgumentError: for the name of a published policy outside of a clone.
+        InvalidArgumentError: for such a name without a file, as outside of a clone.
     """
     file = pathlib.Path(PUBLISHED.format(name))
     if file.is_file():
         return str(file)
-    if re.fullmatch(rf"({'|'.join(TASKS)})(-\w+)+", name) and not file.parent.is_dir():
-        valid = f"FILE.pt2, or this name in the folder of a clone, which has {file.parent}; {FILES}"
-        raise InvalidArgumentError("policy", name, valid)
+    if re.fullmatch(rf"({'|'.join(TASKS)})(-\w+)+", name):
+        published = sorted(path.stem for path in file.parent.glob("*.pt2"))
+        valid = f"FILE.pt2, or in a clone's folder the name of a file in {file.parent}; {FILES}"
+        raise InvalidArgumentError("policy", name, published or valid)
     return name
 
 

@@ -5,6 +5,8 @@ import pathlib
 
 import pytest
 
+from softgym_mj.cli.console import policy_file
+from softgym_mj.exceptions import InvalidArgumentError
 from tests.command import status_of
 
 RESULTS = pathlib.Path(__file__).parents[2] / "docs" / "results"
@@ -92,3 +94,17 @@ def test_a_published_policy_is_evaluated_by_name(capsys, monkeypatch, tmp_path):
     assert status == 0, capsys.readouterr()
     result = json.loads((tmp_path / "result.json").read_text())
     assert {*result["settings"]["observation"]} == {"rgb", "proprioception", "held"}
+
+
+def test_a_misspelled_published_policy_lists_the_others(monkeypatch, tmp_path):
+    folder = tmp_path / "docs" / "results" / "policies"
+    folder.mkdir(parents=True)
+    for name in ("straighten_rope-tqc", "straighten_rope-sac"):
+        (folder / f"{name}.pt2").touch()
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InvalidArgumentError) as error:
+        policy_file("straighten_rope-scc")
+    assert str(error.value) == (
+        "policy='straighten_rope-scc' is unknown (did you mean 'straighten_rope-sac'?); "
+        "valid choices: 'straighten_rope-sac', 'straighten_rope-tqc'."
+    )
