@@ -32,7 +32,7 @@ def make_vec(
     """Builds a vector environment; `gymnasium.make_vec` with the id of a task calls it.
 
     Args:
-        task: Task name, class or record, as in `registry.find`.
+        task: Task name or record, as in `registry.find`.
         num_envs: Number of environments, 1 or more.
         device: "cpu" simulates in worker processes; "cuda" on a GPU with PyTorch tensors (actions
             may be tensors, too); "host" runs the same batch code in this process with NumPy
