@@ -113,8 +113,9 @@ def overview(docs: str) -> str:
     )
     lines = (
         "*Cell*: median (quartiles) over five seeds unless it names another number, method, and "
-        f"[share of successes]({docs}glossary.md). It is the method with the best held-out score "
-        f"of its column, which makes cells slightly optimistic.{stale} Empty: not published.",
+        f"[share of successes]({docs}glossary.md). The method is the one with the best held-out "
+        f"score among those of the column, which makes cells slightly optimistic.{stale} "
+        "Empty: not published.",
         "*No action*: mean over the same 200 variations. It is above 0 where the start lies above "
         "the lower bound (`straighten_rope`) or grippers release the cloth (`drop_cloth`, "
         "`drop_fold_cloth`).",
