@@ -33,6 +33,7 @@ CUSTOM_TASKS = (ROOT / "docs" / "custom_tasks.md").read_text()
 ROBOTS = (ROOT / "docs" / "robots.md").read_text()
 REALITY = (ROOT / "docs" / "reality.md").read_text()
 EVALUATION = (ROOT / "docs" / "evaluation.md").read_text()
+POLICIES = (ROOT / "docs" / "policies.md").read_text()
 CLOTH = (ROOT / "softgym_mj" / "cloth" / "plugin" / "README.md").read_text()
 
 
@@ -54,6 +55,7 @@ def blocks(language, text=README):
             ROBOTS,
             REALITY,
             EVALUATION,
+            POLICIES,
         )
         for code in blocks("python", page)
     ],
