@@ -9,6 +9,7 @@ from tensordict import TensorDict, TensorDictBase
 from torchrl.data import Binary, Bounded, Composite, TensorSpec, Unbounded
 from torchrl.envs import EnvBase
 
+from softgym_mj.envs.gymnasium_env import check_arguments
 from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.registry import TaskRecord
 from softgym_mj.vector.make import make_vec
@@ -49,6 +50,7 @@ class TorchRLEnv(EnvBase):
         """
         if isinstance(info, str):
             raise InvalidArgumentError("info", info, "a sequence of names")
+        check_arguments(task, settings, make_vec, TorchRLEnv.__init__)
         envs = make_vec(task, num_envs, device=device, autoreset_mode="Disabled", **settings)
         where = torch.device("cuda", 0) if device == "cuda" else torch.device("cpu")
         super().__init__(device=where, batch_size=torch.Size([num_envs]))

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 import softgym_mj
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import InvalidArgumentError, UnexpectedArgumentError
 from tests.kinds import by_material
 
 SETTINGS = {"fidelity": "fast", "num_workers": 1, "split": "all"}
@@ -102,3 +102,5 @@ def test_unknown_infos_and_numbers_are_refused(make):
     env = make("straighten_rope", 1, device="host", info=["variations"])
     with pytest.raises(InvalidArgumentError, match=r"did you mean 'variation'.*'success'"):
         env.reset()
+    with pytest.raises(UnexpectedArgumentError, match=r"'infos' \(did you mean 'info'\?\); valid"):
+        make("straighten_rope", 1, device="host", infos=["success"])
