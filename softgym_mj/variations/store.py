@@ -53,8 +53,8 @@ class VariationStore(Store):
         """Returns vertices (n, 3) [m] of a variation; generates and stores them if missing.
 
         Raises:
-            StoreError: if the file is truncated, altered, of another specification or of another
-                variation; if it has to be generated and cannot be written.
+            StoreError: if the file in the cache is truncated, altered, of another specification or
+                of another variation; if it has to be generated and cannot be written.
         """
         index = check_variation(index)
         states = packs.shipped(self._start.name, self.text)
