@@ -139,7 +139,10 @@ def test_queued_runs_have_an_actor(monkeypatch):
 
 def test_published_policies_of_arms_are_found_by_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(InvalidArgumentError, match="in a clone's folder the name of a file in docs/results/policies"):
+    with pytest.raises(
+        InvalidArgumentError,
+        match="in a clone's folder the name of a file in docs/results/policies",
+    ):
         policy_file("straighten_rope-franka-sac")
     file = tmp_path / PUBLISHED.format("straighten_rope-franka-sac")
     file.parent.mkdir(parents=True)
