@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
 import torch
@@ -14,7 +14,8 @@ from softgym_mj.learning.forms import SymmetrizedPolicy
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.networks import any_actions, drawn, generators
 from softgym_mj.learning.replay import Batch, Replay
-from softgym_mj.learning.symmetries import check_observed, symmetries
+from softgym_mj.learning.symmetries import Symmetry, check_observed, symmetries
+from softgym_mj.tasks.shared.observations import names_of
 from softgym_mj.validation import typed
 
 
@@ -128,10 +129,12 @@ class OffPolicy:
             algorithm: The algorithm.
         """
         self._settings, self._problem, self.algorithm = settings, problem, algorithm
-        self._symmetries = symmetries(problem.example()) if settings.symmetric else ()
+        self._symmetries: Sequence[Symmetry] = ()
+        if settings.symmetric:
+            check_observed("symmetric", problem.observed)
+            self._symmetries = symmetries(problem.example(), *names_of(problem.observed))
         self._best: Callable[[Tensor], Tensor] = functools.partial(algorithm.act, explore=False)
         if settings.symmetrize_policy:
-            check_observed("symmetrize_policy", problem.observed)
             self._best = SymmetrizedPolicy(self._best, self._symmetries, problem.device)
         self.replay = Replay(
             settings.replay // problem.num_envs, problem.seeds, problem.num_envs,

@@ -5,6 +5,7 @@ replay. `Task.symmetries` lists those of a task.
 """
 
 import itertools
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -13,14 +14,16 @@ from scipy.linalg import block_diag
 
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.robots.gripper import HELD
 from softgym_mj.tasks.shared.entries import Entries
+from softgym_mj.tasks.shared.observations import names_of
 
 
 class Symmetry(NamedTuple):
     """Symmetry of a task.
 
     Attributes:
-        observation: Matrix (n, n) of the observation `reduced` or `markov`.
+        observation: Matrix (n, n) of an observation.
         action: Matrix (m, m) of actions.
         turn, order: Fields of `tasks.shared.symmetry.Turned`.
         pickers: Order of the pickers.
@@ -33,6 +36,8 @@ class Symmetry(NamedTuple):
     pickers: tuple[int, ...]
 
 
+# Observations that symmetries transform.
+TURNED = ("reduced", "markov", "key_points", "proprioception", HELD)
 WITHOUT = "train without symmetries: --settings '{\"symmetric\": false}'"
 SYMMETRIC = f"a task whose class defines `symmetries`; or {WITHOUT}"
 
@@ -43,22 +48,23 @@ _CORNERS = {
 
 
 def check_observed(setting: str, observed: str | tuple[str, ...]) -> None:
-    """Raises `InvalidArgumentError` unless symmetries can transform an observation.
+    """Raises `InvalidArgumentError` unless symmetries can transform all observations.
 
     Args:
         setting: Name of the setting that needs them, for the message.
         observed: Name of the observation, or names of several.
     """
-    if observed not in ("reduced", "markov"):
-        valid = f"'reduced' or 'markov' with {setting}=True"
+    if not set(names_of(observed)) <= set(TURNED):
+        valid = f"{', '.join(TURNED)} with {setting}=True"
         raise InvalidArgumentError("observation", observed, valid)
 
 
-def symmetries(env: Environment) -> list[Symmetry]:
+def symmetries(env: Environment, *observed: str) -> list[Symmetry]:
     """Returns the symmetries of a task with pickers; the first one is the identity.
 
     Args:
-        env: Environment of the task after a reset; its observation is reduced or markov.
+        env: Environment of the task after a reset.
+        *observed: Names of the transformed observations, of `TURNED`, which follow each other.
 
     Raises:
         InvalidArgumentError: for a task or an actor without symmetries.
@@ -71,19 +77,26 @@ def symmetries(env: Environment) -> list[Symmetry]:
         raise InvalidArgumentError("actor", task.actor.name.split("/")[0], valid)
     number = task.actor.num_grippers
     orders = [tuple(range(number)), tuple(reversed(range(number)))][: min(number, 2)]
-    entries = task.reduced(task.scene.state(), task.episode)
-    remembers = "markov" in env.observation_spec()
+    state, episode = task.scene.state(), task.episode
 
-    def of_observation(turn: np.ndarray, order: str, pickers: Sequence[int]) -> np.ndarray:
-        result = _of_observation(entries, turn, order, pickers)
-        if not remembers:
+    def of_observation(
+        name: str, turn: np.ndarray, order: str, pickers: Sequence[int]
+    ) -> np.ndarray:
+        if name == "proprioception":
+            return _blocks([turn] * number, pickers)
+        if name == HELD:
+            return _blocks([np.eye(1)] * number, pickers)
+        if name == "key_points":
+            return _of_observation(task.key_points(state, episode), turn, order, pickers)
+        result = _of_observation(task.reduced(state, episode), turn, order, pickers)
+        if name == "reduced":
             return result
         # For each picker: whether it holds a vertex, and its offset to that vertex.
         return block_diag(result, _blocks([block_diag(1.0, turn)] * number, pickers))
 
     return [
         Symmetry(
-            of_observation(turn, order, pickers),
+            block_diag(*(of_observation(name, turn, order, pickers) for name in observed)),
             _blocks([block_diag(turn, 1.0)] * number, pickers),
             turn, order, pickers,
         )
@@ -98,7 +111,8 @@ def _of_observation(
     places: list[int] = []  # New order of the points.
     each = [*entries.items()]
     own = [i for i, (_, entry) in enumerate(each) if entry.role == "object"]
-    starts = np.cumsum([0, *(np.size(entry.values) // 3 for _, entry in each)]).tolist()
+    counts = [np.size(entry.values) // 3 for _, entry in each]
+    starts = np.cumsum([0, *counts]).tolist()
     for i, (name, entry) in enumerate(each):
         if entry.kind == "numbers":
             raise InvalidArgumentError(
@@ -108,10 +122,14 @@ def _of_observation(
             places += range(starts[i], starts[i + 1])
         elif order == "reversed":
             places += range(starts[i + 1] - 1, starts[i] - 1, -1)
+        elif entry.kind == "points" and math.isqrt(counts[i]) ** 2 == counts[i]:
+            grid = np.arange(starts[i], starts[i + 1]).reshape(2 * [math.isqrt(counts[i])])
+            grid = grid[::-1] if order in ("rows", "both") else grid
+            places += (grid[:, ::-1] if order in ("columns", "both") else grid).ravel().tolist()
         elif entry.kind == "point" and len(own) == len(_CORNERS[order]):
             places.append(starts[own[_CORNERS[order][own.index(i)]]])
         else:
-            valid = f"one point for each of four corners, as order {order!r} needs"
+            valid = f"one point for each of four corners, or a square, as order {order!r} needs"
             raise InvalidArgumentError("reduced", name, valid)
     places += [starts[-1] + k for k in pickers]
     return _blocks([turn] * len(places), places)

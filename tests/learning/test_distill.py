@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+import softgym_mj
 from softgym_mj.cli import training
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.frames import pictured
@@ -11,6 +12,7 @@ from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.methods.distill import LABEL, Distill, DistillSettings
 from softgym_mj.learning.methods.students import Student, chosen
 from softgym_mj.learning.registry import find_method
+from softgym_mj.learning.symmetries import symmetries
 from softgym_mj.policies.reactive import rope_configuration
 
 SIZE = 35
@@ -114,6 +116,35 @@ def test_students_with_bins_choose_one_of_two_labels_where_others_average(bins):
         assert action.flatten().tolist() == pytest.approx([expected] * 48, abs=0.03)
     else:
         assert 0.0 < action.mean().item() < 0.55
+
+
+def test_steps_are_shown_by_symmetries_with_their_labels():
+    observed, size = ("key_points", "markov", "held"), {"key_points": 198, "markov": 26, "held": 2}
+    shapes = {name: (number,) for name, number in size.items()}
+    learner = Distill(
+        DistillSettings(**{**SMALL, "batch": 200}, symmetric=True),
+        Problem("drop_cloth", {}, (0,), 1, (), 8, 1.0, "cpu", observed, shapes, 100),
+        lambda states: states[..., :8],
+    )
+    source = np.random.default_rng(0)
+    seen = {name: source.normal(size=number) for name, number in size.items()}
+    tensors = {name: torch.tensor(each[None, None]).float() for name, each in seen.items()}
+    learner.act(tensors, torch.ones(1, 1, dtype=bool), None, explore=True)
+    env = softgym_mj.load("drop_cloth", split="all")
+    env.reset(0)
+    expected = []
+    for each in zip(*(symmetries(env, name) for name in observed), strict=True):
+        turned = [own.observation @ seen[name] for own, name in zip(each, observed, strict=True)]
+        expected.append(np.concatenate([*turned, each[0].action @ seen["markov"][:8]]))
+    batch = learner._sampled(0)
+    found = np.concatenate([batch[name].numpy() for name in (*observed, LABEL)], 1)
+    found = np.unique(found.round(4), axis=0)
+    np.testing.assert_allclose(found, np.unique(np.round(expected, 4), axis=0), atol=2e-4)
+
+
+def test_symmetric_students_of_images_are_refused():
+    with pytest.raises(InvalidArgumentError, match=r"observation=.*'rgb'.* with symmetric=True"):
+        Distill(DistillSettings(**SMALL, symmetric=True), problem(), _teacher)
 
 
 def test_the_network_is_that_of_its_layers():

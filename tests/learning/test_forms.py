@@ -17,7 +17,7 @@ from softgym_mj.learning.symmetries import symmetries
 def _own(request):
     env = softgym_mj.load(request.param, split="all", fidelity="fast", observation="markov")
     env.reset(3)
-    return symmetries(env)
+    return symmetries(env, "markov")
 
 
 def _policy(own):

@@ -97,7 +97,7 @@ def test_a_state_has_the_newest_images(monkeypatch, caplog):
 def test_steps_are_shown_by_symmetries():
     env = softgym_mj.load("straighten_rope", split="all", fidelity="fast")
     env.reset(3)
-    result = symmetries(env)
+    result = symmetries(env, "reduced")
     sizes = len(result[0].observation), len(result[0].action)
     replay = Replay(4, [0], 1, sizes[:1], sizes[1], discount=0.9, symmetries=result)
     source = np.random.default_rng(0)

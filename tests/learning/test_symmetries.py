@@ -16,7 +16,7 @@ from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.symmetries import symmetries
 from softgym_mj.learning.training import Training
 from softgym_mj.tasks import anywhere, mirrored
-from softgym_mj.tasks.shared.observations import reduced
+from softgym_mj.tasks.shared.observations import key_points, reduced
 from softgym_mj.tasks.shared.state import State
 
 PAGE = pathlib.Path(__file__).parents[2] / "docs" / "custom_tasks.md"
@@ -73,7 +73,7 @@ def _moved(env, symmetry):
 @pytest.mark.parametrize("task", NUMBERS)
 def test_measures_and_observations_follow(task):
     env = _env(task)
-    result = symmetries(env)
+    result = symmetries(env, "reduced")
     assert len(result) == NUMBERS[task]
     seen = reduced(env.task, env.task.scene.state(), env.task.episode)
     reward = env.task.measure(env.task.scene.state(), env.task.episode).reward
@@ -82,17 +82,21 @@ def test_measures_and_observations_follow(task):
         expected = reduced(env.task, state, episode)
         np.testing.assert_allclose(symmetry.observation @ seen, expected, atol=1e-12)
         assert env.task.measure(state, episode).reward == pytest.approx(reward, rel=5e-3, abs=1e-9)
+    for symmetry, own in zip(symmetries(env, "key_points"), result, strict=True):
+        expected = key_points(env.task, *_moved(env, own))
+        seen_points = key_points(env.task, env.task.scene.state(), env.task.episode)
+        np.testing.assert_allclose(symmetry.observation @ seen_points, expected, atol=1e-12)
     np.testing.assert_array_equal(result[0].observation, np.eye(len(seen)))
     np.testing.assert_array_equal(result[0].action, np.eye(len(result[0].action)))
 
 
 def test_what_pickers_remember_follows_them():
     env = softgym_mj.load("drop_cloth", split="all", observation="markov", num_pickers=2)
-    alone = symmetries(_env("drop_cloth"))
+    alone = symmetries(_env("drop_cloth"), "reduced")
     remembered = env.reset(807).observation["markov"][18:]
     assert remembered[::4].tolist() == [1.0, 1.0]  # Two corners are held from the start.
     seen = np.concatenate([np.arange(18.0), [1.0, 0.1, 0.2, 0.3, 0.0, 0.4, 0.5, 0.6]])
-    for symmetry, own in zip(symmetries(env), alone, strict=True):
+    for symmetry, own in zip(symmetries(env, "markov"), alone, strict=True):
         result = symmetry.observation @ seen
         np.testing.assert_array_equal(result[:18], own.observation @ seen[:18])
         held, places = seen[18::4], np.array([seen[19:22], seen[23:26]]) @ symmetry.turn.T
@@ -104,7 +108,7 @@ def test_what_pickers_remember_follows_them():
 @pytest.mark.parametrize("task", ["straighten_rope", "fold_cloth"])
 def test_dynamics_follow(task):
     env = _env(task)
-    result = symmetries(env)
+    result = symmetries(env, "reduced")
     (thing,) = env.task.scene.materials.values()
     snapshot, workspace = env.get_state(), env.task.workspace
     action = np.random.default_rng(1).uniform(-1.0, 1.0, env.action_spec().shape)
@@ -124,7 +128,7 @@ def test_dynamics_follow(task):
 
 
 def test_symmetries_make_a_group():
-    result = symmetries(_env("straighten_rope"))
+    result = symmetries(_env("straighten_rope"), "reduced")
     matrices = {np.round(s.observation).astype(int).tobytes() for s in result}
     assert len(matrices) == len(result)
     for a in result[::5]:
@@ -137,11 +141,11 @@ def test_what_has_none_is_refused():
     env = softgym_mj.load("pour_water", split="all", fidelity="fast")
     env.reset(3)
     with pytest.raises(InvalidArgumentError, match="task='pour_water'"):
-        symmetries(env)
+        symmetries(env, "reduced")
     env = softgym_mj.load("straighten_rope", split="all", actor="pick_and_place")
     env.reset(3)
     with pytest.raises(InvalidArgumentError, match="actor='pick_and_place'"):
-        symmetries(env)
+        symmetries(env, "reduced")
 
 
 @pytest.fixture(name="gather_rope")
@@ -159,7 +163,7 @@ def test_the_custom_task_of_the_docs_is_the_same_in_all_its_forms(gather_rope):
     env.reset(3)
     for action in np.random.default_rng(0).uniform(-1.0, 1.0, (3, 8)):
         env.step(action)
-    result = symmetries(env)
+    result = symmetries(env, "reduced")
     assert len(result) == 32
     seen = env.task.observe("reduced")
     for symmetry in result:

@@ -125,7 +125,7 @@ def test_symmetries_keep_the_score_and_move_the_observation(env):
     state = task.state()._replace(points={"shirt": points})
     expected = task.measure(state, task.episode).performance
     seen = STATES["reduced"].value(task, state, task.episode)
-    found = symmetries(env)
+    found = symmetries(env, "reduced")
     assert len(found) == 16
     for turn in found:
         order = partner if turn.order == "reversed" else np.arange(len(partner))

@@ -16,11 +16,13 @@ from torch.export.passes import move_to_device_pass
 
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.cuda_graph import CudaGraph
+from softgym_mj.learning.forms import signed_orders
 from softgym_mj.learning.frames import Frames, stacked
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.methods.students import Observation, Student, StudentSettings, binned
-from softgym_mj.learning.networks import StoredInHalf, drawn, generators
+from softgym_mj.learning.networks import StoredInHalf, drawn, generators, whole_numbers
 from softgym_mj.learning.point_encoder import POINTS, layout_of
+from softgym_mj.learning.symmetries import check_observed, symmetries
 from softgym_mj.policies.saved import imported
 from softgym_mj.storage.files import read_whole
 from softgym_mj.tasks.shared.observations import names_of
@@ -74,6 +76,12 @@ class Distill:
             # An encoder of points sees the first observation with points before all others.
             shapes = {found[0]: shapes[found[0]], **shapes}
             layout = layout_of(problem.example(), found[0])
+        self._orders: dict[str, tuple[Tensor, Tensor]] = {}  # And signs, of each symmetry.
+        if settings.symmetric:
+            check_observed("symmetric", own)
+            for name in own:
+                orders, signs, *labels = signed_orders(symmetries(problem.example(), name), at)
+                self._orders |= {name: (orders, signs), LABEL: (labels[0], labels[1])}
         self.students = []
         for seed in problem.seeds:
             with torch.random.fork_rng(devices=[]):
@@ -142,13 +150,23 @@ class Distill:
     def _update(self) -> dict[str, Tensor]:
         losses = []
         for k, (student, optimizer) in enumerate(zip(self.students, self._optimizers, strict=True)):
-            loss = self.loss(student, self.frames.sample(k, self._settings.batch))
+            loss = self.loss(student, self._sampled(k))
             optimizer.zero_grad(set_to_none=True)
             loss.backward()
             nn.utils.clip_grad_norm_(student.parameters(), self._settings.gradient_norm)
             optimizer.step()
             losses.append(loss.detach())
         return {"loss": torch.stack(losses)}
+
+    def _sampled(self, k: int) -> dict[str, Tensor]:
+        """Returns a batch of the k-th seed."""
+        batch = self.frames.sample(k, self._settings.batch)
+        if self._orders:
+            share = drawn(self.frames.sources[k : k + 1], self._settings.batch, normal=False)[0]
+            which = whole_numbers(share, len(self._orders[LABEL][0]))
+            for name, (orders, signs) in self._orders.items():
+                batch[name] = batch[name].gather(-1, orders[which]) * signs[which]
+        return batch
 
     def loss(self, student: nn.Module, batch: Observation) -> Tensor:
         """Returns the distance of a student's actions from the batch's labels.

@@ -20,7 +20,6 @@ from softgym_mj.learning.networks import Actor, Critics, DeterministicPolicy, dr
 from softgym_mj.learning.off_policy import OffPolicy, OffPolicySettings
 from softgym_mj.learning.optimization import adam, polyak_update, step
 from softgym_mj.learning.replay import Batch
-from softgym_mj.learning.symmetries import check_observed
 from softgym_mj.validation import typed
 
 MOST_ENTROPY = math.log(2.0)  # Entropy of a uniform entry in -1..1 [nats].
@@ -268,8 +267,6 @@ class SAC:
 
 def make(settings: StateSACSettings, problem: Problem, kind: type[SAC] = SAC) -> OffPolicy:
     """Returns the `Learner` of a problem, with an algorithm of a kind."""
-    if settings.symmetric:
-        check_observed("symmetric", problem.observed)
     (size,) = problem.observation
     algorithm = kind(settings, problem.seeds, size, problem.action, problem.device)
     if settings.fused and torch.device(problem.device).type == "cuda":

@@ -29,6 +29,7 @@ class StudentSettings:
         channels: number of filters of each convolution.
         features: size of the encoding of the images.
         hidden: sizes of the layers behind it.
+        symmetric: whether random symmetries of the task transform sampled steps, without images.
         shift: largest random shift of images in each direction, in updates [pixels].
         updates: number of updates in each step of all environments.
         batch: number of env steps in an update.
@@ -57,6 +58,7 @@ class StudentSettings:
     channels: int = 48
     features: int = 256
     hidden: tuple[int, ...] = (1024, 1024)
+    symmetric: bool = False
     shift: int = 4
     updates: int = 8
     batch: int = 512
