@@ -24,6 +24,11 @@ def signed_orders(
     return result[0], result[1], result[2], result[3]
 
 
+def turned(values: Tensor, which: Tensor, orders: Tensor, signs: Tensor) -> Tensor:
+    """Returns values (..., n) under symmetries of indices (...), given their orders and signs."""
+    return values.gather(-1, orders[which]) * signs[which]
+
+
 class SymmetrizedPolicy(nn.Module):
     """Policy averaged over the symmetries of its task, which makes it equivariant.
 

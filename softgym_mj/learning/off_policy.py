@@ -131,7 +131,7 @@ class OffPolicy:
         self._settings, self._problem, self.algorithm = settings, problem, algorithm
         self._symmetries: Sequence[Symmetry] = ()
         if settings.symmetric:
-            check_observed("symmetric", problem.observed)
+            check_observed(problem.observed)
             self._symmetries = symmetries(problem.example(), *names_of(problem.observed))
         self._best: Callable[[Tensor], Tensor] = functools.partial(algorithm.act, explore=False)
         if settings.symmetrize_policy:

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from softgym_mj.exceptions import check_count
-from softgym_mj.learning.forms import signed_orders
+from softgym_mj.learning.forms import signed_orders, turned
 from softgym_mj.learning.learner import Step
 from softgym_mj.learning.networks import drawn, whole_numbers
 from softgym_mj.learning.ring import NEWEST_IMAGES, Ring
@@ -146,14 +146,10 @@ def _transform(
     batch: Batch, which: Tensor, orders: Tensor, signs: Tensor, of_actions: Tensor, turns: Tensor
 ) -> Batch:
     """Transforms each step by the symmetry of an index (seeds, n), given by orders and signs."""
-
-    def turned(values: Tensor) -> Tensor:
-        return values.gather(-1, orders[which]) * signs[which]
-
     return Batch(
-        turned(batch.observation),
-        batch.action.gather(-1, of_actions[which]) * turns[which],
+        turned(batch.observation, which, orders, signs),
+        turned(batch.action, which, of_actions, turns),
         batch.reward,
-        turned(batch.next_observation),
+        turned(batch.next_observation, which, orders, signs),
         batch.discount,
     )

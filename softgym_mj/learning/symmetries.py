@@ -47,15 +47,10 @@ _CORNERS = {
 }  # fmt: skip
 
 
-def check_observed(setting: str, observed: str | tuple[str, ...]) -> None:
-    """Raises `InvalidArgumentError` unless symmetries can transform all observations.
-
-    Args:
-        setting: Name of the setting that needs them, for the message.
-        observed: Name of the observation, or names of several.
-    """
+def check_observed(observed: str | tuple[str, ...]) -> None:
+    """Raises `InvalidArgumentError` unless symmetries can transform all observations."""
     if not set(names_of(observed)) <= set(TURNED):
-        valid = f"{', '.join(TURNED)} with {setting}=True"
+        valid = f"{', '.join(TURNED)} with symmetric=True"
         raise InvalidArgumentError("observation", observed, valid)
 
 
@@ -77,7 +72,8 @@ def symmetries(env: Environment, *observed: str) -> list[Symmetry]:
         raise InvalidArgumentError("actor", task.actor.name.split("/")[0], valid)
     number = task.actor.num_grippers
     orders = [tuple(range(number)), tuple(reversed(range(number)))][: min(number, 2)]
-    state, episode = task.scene.state(), task.episode
+    state = task.scene.state()
+    reduced, key_points = (find(state, task.episode) for find in (task.reduced, task.key_points))
 
     def of_observation(
         name: str, turn: np.ndarray, order: str, pickers: Sequence[int]
@@ -87,8 +83,8 @@ def symmetries(env: Environment, *observed: str) -> list[Symmetry]:
         if name == HELD:
             return _blocks([np.eye(1)] * number, pickers)
         if name == "key_points":
-            return _of_observation(task.key_points(state, episode), turn, order, pickers)
-        result = _of_observation(task.reduced(state, episode), turn, order, pickers)
+            return _of_observation(key_points, turn, order, pickers)
+        result = _of_observation(reduced, turn, order, pickers)
         if name == "reduced":
             return result
         # For each picker: whether it holds a vertex, and its offset to that vertex.

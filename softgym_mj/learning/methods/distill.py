@@ -16,7 +16,7 @@ from torch.export.passes import move_to_device_pass
 
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.cuda_graph import CudaGraph
-from softgym_mj.learning.forms import signed_orders
+from softgym_mj.learning.forms import signed_orders, turned
 from softgym_mj.learning.frames import Frames, stacked
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.methods.students import Observation, Student, StudentSettings, binned
@@ -78,10 +78,11 @@ class Distill:
             layout = layout_of(problem.example(), found[0])
         self._orders: dict[str, tuple[Tensor, Tensor]] = {}  # And signs, of each symmetry.
         if settings.symmetric:
-            check_observed("symmetric", own)
+            check_observed(own)
+            env = problem.example()
             for name in own:
-                orders, signs, *labels = signed_orders(symmetries(problem.example(), name), at)
-                self._orders |= {name: (orders, signs), LABEL: (labels[0], labels[1])}
+                orders, signs, of_actions, turns = signed_orders(symmetries(env, name), at)
+                self._orders |= {name: (orders, signs), LABEL: (of_actions, turns)}
         self.students = []
         for seed in problem.seeds:
             with torch.random.fork_rng(devices=[]):
@@ -164,8 +165,8 @@ class Distill:
         if self._orders:
             share = drawn(self.frames.sources[k : k + 1], self._settings.batch, normal=False)[0]
             which = whole_numbers(share, len(self._orders[LABEL][0]))
-            for name, (orders, signs) in self._orders.items():
-                batch[name] = batch[name].gather(-1, orders[which]) * signs[which]
+            for name, of_each in self._orders.items():
+                batch[name] = turned(batch[name], which, *of_each)
         return batch
 
     def loss(self, student: nn.Module, batch: Observation) -> Tensor:
