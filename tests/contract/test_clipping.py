@@ -95,6 +95,14 @@ def test_the_switch_refuses():
         envs.close()
 
 
+def test_what_is_not_finite_is_refused_everywhere():
+    env = single()
+    for bad in (np.nan, np.inf, -np.inf):
+        with pytest.raises(InvalidArgumentError, match="finite"):
+            env.step(np.full(8, bad))
+    assert env.dm_env.step_count == 0
+
+
 def test_the_switch_passes_through_gymnasium():
     identifier = "softgym_mj/StraightenRope-v0"
     env = gymnasium.make(identifier, clip_actions=False)

@@ -4,6 +4,7 @@ Of cloth, rope, water in a moving cup, and water among solids and cloth. Compare
 velocities and the plugins' own state after every step.
 """
 
+import concurrent.futures
 import copy
 import dataclasses
 import functools
@@ -174,6 +175,24 @@ COPIES = {
 @pytest.mark.parametrize("method", COPIES)
 def test_copies_continue_bit_by_bit(midway, method):
     np.testing.assert_array_equal(drive(midway.model, COPIES[method](midway)), midway.expected)
+
+
+def test_a_snapshot_continues_bit_by_bit_in_a_thread_that_does_other_things(midway):
+    model = midway.model
+
+    def continue_there():
+        other, distraction = restored(midway, mujoco.MjData(model)), polluted(model)
+        states = []
+        for _ in range(STEPS):
+            drive(model, distraction, 1)
+            states.append(drive(model, other, 1)[0])
+        return np.array(states)
+
+    with concurrent.futures.ThreadPoolExecutor(2) as pool:
+        busy = pool.submit(lambda: drive(model, polluted(model), 2 * STEPS))
+        found = pool.submit(continue_there).result()
+        busy.result()
+    np.testing.assert_array_equal(found, midway.expected)
 
 
 _ELSEWHERE = """

@@ -142,6 +142,17 @@ def test_links_are_drawn_as_in_menagerie(arm):
                 assert model.geom_contype[geom] == model.geom_conaffinity[geom] == 0
 
 
+def test_a_model_that_is_rounded_to_millimeters_is_the_same_arm(root):
+    """Menagerie's UR5e; its base is turned, too."""
+    for ours, theirs in (("0 0 0.1625", "0 0 0.163"), ("0 0 0.3922", "0 0 0.392"),
+                         ("0 0.1263 0", "0 0.127 0"), ("0 0 0.0997", "0 0 0.1")):  # fmt: skip
+        edit(root, "ur5e", f'pos="{ours}"', f'pos="{theirs}"')
+    edit(root, "ur5e", 'name="base" pos="0 0 0" quat="1 0 0 0"', 'name="base" quat="1 0 0 1"')
+    env = make("ur5e")
+    model = env.physics.model.ptr
+    assert len(shown(model, "arms/ur5e_0/wrist_3_link")) == 3
+
+
 def test_what_menagerie_lacks_keeps_our_looks():
     envs = [make("sawyer", visual=visual) for visual in ("primitive", "menagerie")]
     ours, dressed = (env.physics.model.ptr for env in envs)
@@ -185,19 +196,32 @@ def edit(root, arm, old, new):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "reason"),
+    ("arm", "old", "new", "reason"),
     [
-        ("</mujoco>", "", "XML"),
-        ('meshdir="assets"', 'meshdir="parts"', "wedge.obj"),
-        (' name="right_', ' name="other_', "no body of the same name"),
+        ("franka", 'pos="0 -0.316 0"', 'pos="0 -0.318 0"', "'link3' is 2.0 mm and 0.0000 rad from"),
+        ("franka", '<joint axis="0 1 0"', '<joint axis="0 -1 0"', "joint 'finger_joint1' is"),
+        (
+            "sawyer",
+            '0.08" quat="1 0 0 0"',
+            '0.08" quat="0 0 0 1"',
+            "'right_l0' is 0.0 mm and 3.1416",
+        ),
+        ("sawyer", '"right_j3"', '"elbow"', "no body 'right_l3' with a joint 'right_j3'"),
+        ("sawyer", '"right_l3"', '"elbow"', "no body 'right_l3' with a joint 'right_j3'"),
+        ("sawyer", "</mujoco>", "", "XML"),
+        ("sawyer", 'meshdir="assets"', 'meshdir="parts"', "wedge.obj"),
     ],
 )
-def test_another_model_is_refused(root, old, new, reason):
-    edit(root, "sawyer", 'name="base"', 'name="other"')
-    edit(root, "sawyer", old, new)
+def test_another_model_is_refused(root, arm, old, new, reason):
+    edit(root, arm, old, new)
     with pytest.raises(UnavailableError, match=reason) as error:
-        make("sawyer")
-    assert "sawyer" in str(error.value) and "MENAGERIE_ROOT" in str(error.value)
+        make(arm)
+    assert arm in str(error.value) and "MENAGERIE_ROOT" in str(error.value)
+
+
+def test_frames_may_differ_by_rounding(root):
+    edit(root, "franka", 'pos="0 -0.316 0"', 'pos="0 -0.3165 0"')
+    make()
 
 
 def test_a_checkout_without_the_arm_is_an_error(tmp_path, monkeypatch):

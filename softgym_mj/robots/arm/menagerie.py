@@ -15,6 +15,9 @@ from softgym_mj.exceptions import UnavailableError, install_extra
 from softgym_mj.robots.arm.models import Arm
 
 VISUALS = ("primitive", "menagerie")
+# Tolerances of a frame's position and rotation. Copies of these models with other kinematics differ
+# by some centimeters or a quarter turn.
+LARGEST_OFFSET, LARGEST_TURN = 1e-3, 1e-3  # [m], [rad]
 SHOWN_GROUPS = 3  # By default MuJoCo draws groups 0, 1 and 2.
 CLASS = "menagerie"  # Default class of the copied geoms, and prefix of their assets.
 
@@ -31,7 +34,7 @@ def replace_visuals(model: mjcf.RootElement, arm: Arm) -> None:
 
     Raises:
         UnavailableError: if the package `mujoco-menagerie` is not installed, or the model can
-            neither be found nor downloaded, or has no body of the arm.
+            neither be found nor downloaded, or is of an arm with other joints or frames.
     """
     try:
         spec = _spec(arm)
@@ -65,17 +68,56 @@ def _fail(arm: Arm, reason: object) -> NoReturn:
 
 
 def _common_bodies(source: mujoco.MjModel, arm: Arm) -> list[str]:
-    """Returns the bodies of an arm that Menagerie's has, too.
+    """Returns bodies of an arm that Menagerie's has, too.
 
     Raises:
-        UnavailableError: if it has none.
+        UnavailableError: unless their frames agree.
     """
     model = mujoco.MjModel.from_xml_path(arm.xml_path)
-    theirs = {source.body(i).name for i in range(1, source.nbody)}
-    common = [name for i in range(1, model.nbody) if (name := model.body(i).name) in theirs]
-    if not common:
-        _fail(arm, "it has no body of the same name")
-    return common
+    for joint in arm.joints:
+        if _owner(source, joint) != _owner(model, joint):
+            _fail(arm, f"it has no body {_owner(model, joint)!r} with a joint {joint!r}")
+    ours, theirs = _frames(model, arm), _frames(source, arm)
+    common = [key for key in ours if key in theirs]
+    for kind, name in common:
+        gaps = np.linalg.norm(ours[kind, name] - theirs[kind, name], axis=1)
+        offset, turn = gaps[0], 2 * np.arcsin(np.minimum(gaps[1:].max() / 2, 1.0))
+        if offset > LARGEST_OFFSET or turn > LARGEST_TURN:
+            _fail(
+                arm,
+                f"{kind} {name!r} is {1e3 * offset:.1f} mm and {turn:.4f} rad from where ours is, "
+                f"and at most {1e3 * LARGEST_OFFSET:g} mm and {LARGEST_TURN:g} rad would be the "
+                "same arm",
+            )
+    return [name for kind, name in common if kind == "body"]
+
+
+def _owner(model: mujoco.MjModel, joint: str) -> str | None:
+    """Returns the body that a joint moves; None if there is no such joint."""
+    number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, joint)
+    return None if number < 0 else model.body(model.jnt_bodyid[number]).name
+
+
+def _frames(model: mujoco.MjModel, arm: Arm) -> dict[tuple[str, str], np.ndarray]:
+    """Returns the frames of an arm's bodies and joints in its home pose, relative to its base.
+
+    Keys are kind and name. Bodies have position [m] and the three axes (4, 3), joints anchor [m]
+    and axis (2, 3).
+    """
+    data = mujoco.MjData(model)
+    for joint, angle in zip(arm.joints, arm.home, strict=True):
+        data.qpos[model.joint(joint).qposadr] = angle
+    mujoco.mj_kinematics(model, data)
+    base = model.body_parentid[model.joint(arm.joints[0]).bodyid[0]]
+    origin, axes = data.xpos[base], data.xmat[base].reshape(3, 3)
+    frames = {}
+    for i in range(1, model.nbody):
+        turn = data.xmat[i].reshape(3, 3).T
+        frames["body", model.body(i).name] = np.vstack([data.xpos[i] - origin, turn]) @ axes
+    for i in range(model.njnt):
+        line = np.vstack([data.xanchor[i] - origin, data.xaxis[i]])
+        frames["joint", model.joint(i).name] = line @ axes
+    return frames
 
 
 class _Copy:
