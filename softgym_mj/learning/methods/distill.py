@@ -134,9 +134,11 @@ class Distill:
 
     def _teacher_share(self) -> float:
         """Returns the share of the environments in which the teacher acts."""
-        until = self._settings.teacher_until * self._problem.env_steps / self._problem.num_envs
-        left = 1.0 - self._steps / until if until else 0.0
-        return self._settings.teacher_share * max(left, 0.0)
+        share, until = self._settings.teacher_share, self._settings.teacher_until
+        if until is None:
+            return share
+        steps = until * self._problem.env_steps / self._problem.num_envs
+        return share * max(1.0 - self._steps / steps, 0.0) if steps else 0.0
 
     def learn(self, step: Step) -> dict[str, Tensor]:
         """Updates the students; returns their last losses (seeds,)."""

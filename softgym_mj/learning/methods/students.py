@@ -41,7 +41,7 @@ class StudentSettings:
         weight_decay: of AdamW.
         beta: error at which the smooth L1 loss changes from quadratic to linear.
         teacher_share: share of the environments in which the teacher acts at first.
-        teacher_until: share of the training over which that falls to zero.
+        teacher_until: share of the training over which that falls to zero; None: it stays.
         noise: standard deviation of the noise on actions that are carried out.
         wild_noise: the same in an eighth of the environments, added to `noise`.
         bins: number of values of each action that the student tells apart: it gives each a
@@ -69,7 +69,7 @@ class StudentSettings:
     weight_decay: float = 1e-2
     beta: float = 0.2
     teacher_share: float = 0.5
-    teacher_until: float = 0.2
+    teacher_until: float | None = 0.2
     noise: float = 0.05
     wild_noise: float = 0.3
     bins: int = 0
@@ -81,8 +81,9 @@ class StudentSettings:
         check_count("shift", self.shift, 0)
         if self.bins:
             check_count("bins", self.bins, 3)
-        for name in ("teacher_share", "teacher_until"):
-            check_number(name, getattr(self, name), ge=0.0, le=1.0)
+        check_number("teacher_share", self.teacher_share, ge=0.0, le=1.0)
+        if self.teacher_until is not None:
+            check_number("teacher_until", self.teacher_until, ge=0.0, le=1.0)
 
 
 class Student(nn.Module):
