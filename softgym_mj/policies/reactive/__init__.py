@@ -15,19 +15,24 @@ from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.metrics import Array
 from softgym_mj.policies.reactive.cloth import fold_crumpled_cloth
 from softgym_mj.policies.reactive.drop import drop_fold_cloth
+from softgym_mj.policies.reactive.folding import fold_cloth
+from softgym_mj.policies.reactive.pouring import pour_water, pour_water_amount
 from softgym_mj.policies.reactive.rope import rope_configuration
 from softgym_mj.policies.reactive.shirt import fold_shirt
 
 LABELS: dict[str, Callable[[Array], Array]] = {
     "drop_fold_cloth": drop_fold_cloth,
+    "fold_cloth": fold_cloth,
     "fold_crumpled_cloth": fold_crumpled_cloth,
     "fold_shirt": fold_shirt,
+    "pour_water": pour_water,
+    "pour_water_amount": pour_water_amount,
     "rope_configuration": rope_configuration,
 }
+for _labels in LABELS.values():
+    vars(_labels)["observes"] = "markov"
 vars(drop_fold_cloth)["observes"] = "key_points+markov"
 vars(fold_crumpled_cloth)["observes"] = "full+markov"
-vars(fold_shirt)["observes"] = "markov"
-vars(rope_configuration)["observes"] = "markov"
 
 
 def policy(env: Environment) -> Callable[[dm_env.TimeStep], np.ndarray]:

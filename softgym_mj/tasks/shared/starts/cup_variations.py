@@ -21,8 +21,8 @@ FIDELITIES = {"fast": 0.5, "default": 1.0, "accurate": 2.0}
 _MIN_SIDE, _MAX_SIDE = 4, 13  # Columns along a side.
 LARGEST_COUNT = _MAX_SIDE * _MAX_SIDE * 4 * _MAX_SIDE  # 8788 particles.
 
-_WALL = 0.045  # [m] Wall of the cup that is moved; also the term of its height.
-_TARGET_WALL = 0.03  # [m]
+WALL = 0.045  # [m] Wall of the cup that is moved; also the term of its height.
+TARGET_WALL = 0.03  # [m]
 MIN_GAP = 0.02  # [m] Cups that are closer could be stuck from the start: such draws are repeated.
 
 
@@ -161,7 +161,7 @@ def transport_variation(sample: Sample) -> CupVariation:
     r = 0.015  # [m]
     column = sample.column(r)
     inner = column / 3 + 0.0015 * sample.smaller if sample.is_large else column / 2
-    cup = CupSize((sample.dx + 4) * r, (sample.dz + 4) * r, inner + _WALL, _WALL)
+    cup = CupSize((sample.dx + 4) * r, (sample.dz + 4) * r, inner + WALL, WALL)
     return CupVariation(sample, r, cup)
 
 
@@ -180,7 +180,7 @@ def pour_variation(sample: Sample, height: float, extra: float, way: float) -> C
     else:
         inner = column / 2 + 0.001 * (height - 0.5)
     length, width = sample.dx * r, sample.dz * r
-    cup = CupSize(length + 0.1, width + 0.1, inner + _WALL, _WALL)
-    target = CupSize(length + 0.07, width + 0.07, cup.height + 0.1 * extra, _TARGET_WALL)
+    cup = CupSize(length + 0.1, width + 0.1, inner + WALL, WALL)
+    target = CupSize(length + 0.07, width + 0.07, cup.height + 0.1 * extra, TARGET_WALL)
     distance = q * (0.05 + 0.04 * way) + (sample.dx + 4) * r / 2
     return CupVariation(sample, r, cup, target, distance)
