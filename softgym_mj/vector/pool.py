@@ -148,9 +148,10 @@ def _work(jobs: queue.SimpleQueue, pipes: list[Connection], processes: list[Any]
             outcome = True, function(*args)
         except BaseException as error:
             outcome = False, error
+        # Before the caller goes on: they would keep the environment alive.
+        del job, function, args
         result.put(outcome)
-        # Or they would live until the next job, and the environment with them.
-        del job, function, args, result, outcome
+        del result, outcome
     for pipe in pipes:
         with contextlib.suppress(ConnectionError):  # One that has ended already.
             pipe.send_bytes(END)
