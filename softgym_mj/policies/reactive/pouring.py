@@ -4,17 +4,15 @@ The lip is the outer upper edge on the target's side. The upright or tilted cup 
 so that it does not touch the target.
 """
 
-import math
 from typing import NamedTuple
 
 from softgym_mj.metrics import Array, columns, namespace
+from softgym_mj.policies.experts.pour_water import CLEARANCE, DRAINED, REACH, STANDOFF
+from softgym_mj.tasks.shared.pouring import MAX_STEP
 from softgym_mj.tasks.shared.starts.cup_variations import TARGET_WALL, WALL
 
-STEP = 0.08, 0.08, 0.12  # [m, m, rad] Largest motion in an env step of 8 sim steps.
-STANDOFF = 0.01  # [m] Distance between the lip and the target during the approach.
-REACH = 0.02  # [m] Distance of the lip inside the target's near wall while pouring.
-CLEARANCE = 0.015  # [m] Smallest distance of the cup from the target's rim below it,
-HIGHEST = 0.25  # [m] and largest height of the lip above the rim.
+STEP = [8 * most for most in MAX_STEP]  # [m, m, rad] Largest motion in an env step of 8 sim steps.
+HIGHEST = 0.25  # [m] Largest height of the lip above the target's rim.
 # [m] Missing height with which the lip still moves over the target, and range in which it stops.
 LOW = 0.01, 0.02
 # Motion of the lip in an env step: slowest and fastest [m], and per root of the distance from its
@@ -35,7 +33,6 @@ HEAD, FULL = 0.4, 0.6
 # Missing share at which PourWaterAmount stops, and fraction of the full flow that counts as some.
 SHORT, ALMOST = 0.02, 0.05
 FLOWING = 0.05  # Share of the water in the air from which it flows, twice that of spilled drops.
-DRAINED = math.radians(115.0)  # Angle at which the cup is empty.
 
 
 class Lip(NamedTuple):
@@ -119,4 +116,4 @@ def _moved(lip: Lip, rim: Array, beside: Array, over: Array, depth: Array) -> Ar
     pace = xp.clip(ROOT * xp.sqrt(xp.minimum(started, left)), SLOWEST, FASTEST)
     goals = beside + share * (over - beside), xp.minimum(needed, rim + HIGHEST)
     ways = (goal - place for goal, place in zip(goals, (lip.x, lip.z), strict=True))
-    return columns(*(xp.minimum(xp.maximum(way, -pace), pace) for way in ways))
+    return columns(*(xp.clip(way, -pace, pace) for way in ways))
