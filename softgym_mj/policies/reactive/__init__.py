@@ -1,8 +1,8 @@
 """Reactive experts: functions of the present observation alone, of one simulation or of a batch.
 
 They label what a learner meets, which experts that rehearse or follow a plan cannot do. Arrays are
-NumPy's or PyTorch's. The attribute `observes` of a function names the observation that it takes;
-"+" joins several, whose numbers follow each other.
+NumPy's or PyTorch's. The attribute `observes` of a function names the observation that it takes,
+"markov" without it; "+" joins several, whose numbers follow each other.
 """
 
 from collections.abc import Callable
@@ -29,8 +29,6 @@ LABELS: dict[str, Callable[[Array], Array]] = {
     "pour_water_amount": pour_water_amount,
     "rope_configuration": rope_configuration,
 }
-for _labels in LABELS.values():
-    vars(_labels)["observes"] = "markov"
 vars(drop_fold_cloth)["observes"] = "key_points+markov"
 vars(fold_crumpled_cloth)["observes"] = "full+markov"
 
@@ -43,7 +41,7 @@ def policy(env: Environment) -> Callable[[dm_env.TimeStep], np.ndarray]:
     """
     check_name("task", env.name, LABELS)
     labels = LABELS[env.name]
-    names = vars(labels)["observes"].split("+")
+    names = getattr(labels, "observes", "markov").split("+")
     observed = [*env.observation_spec()]
     if not {*names} <= {*observed}:
         raise InvalidArgumentError("observation", observed, f"{names}, which the expert takes")
