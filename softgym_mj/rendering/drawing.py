@@ -11,7 +11,6 @@ from softgym_mj.rendering.skins import DRAWN_SKINS, SHOWN_FLEXES
 from softgym_mj.rendering.surfaces import Surface, find_surfaces
 
 MAX_GEOMS = 2000  # Limit of a scene: arms made of meshes have some hundred geoms.
-FAR = 1e6  # Distance at which OpenGL draws something before all other translucent things [m].
 CLEAR = 0.5  # Opacity below which a geom casts no shadow: OpenGL's shadows of glass are black.
 # Geoms of the room, below all others, cast no shadows. Software OpenGL would draw speckles on them
 # because it rounds depths differently in the shadow map and in the image.
@@ -68,13 +67,11 @@ class SceneCamera(engine.Camera):
             )
         for geom in itertools.islice(scene.geoms, scene.ngeom):
             is_skin = geom.type == mujoco.mjtGeom.mjGEOM_SKIN
-            if is_skin:
-                # OpenGL draws only the front of water, which gets the opacity of front and rear.
-                # MuJoCo draws translucent things by distance, and a skin has that of the world's
-                # origin: where the cup is farther away, its front wall would be hidden.
-                geom.rgba[3] = 1.0 - (1.0 - geom.rgba[3]) ** 2
-                geom.pos = scene.camera[0].pos + FAR * scene.camera[0].forward
             is_clear = geom.rgba[3] < CLEAR and not is_skin
+            # OpenGL draws only the front of water, which gets the opacity of front and rear, and
+            # MuJoCo draws translucent geoms twice (`mjr_render`): each coat gets half the opacity.
+            through = 1.0 - geom.rgba[3]
+            geom.rgba[3] = 1.0 - (through**2 if is_skin else through**0.5)
             is_ground = geom.objtype == _GEOM and geom.objid in self._ground
             if is_clear or is_ground:
                 geom.category = mujoco.mjtCatBit.mjCAT_DECOR
@@ -119,7 +116,7 @@ class SceneCamera(engine.Camera):
         contexts = self._physics.contexts
         with contexts.gl.make_current() as context:
             if passes == 1:
-                context.call(self._render_on_gl_thread, depth=False, overlays=())
+                context.call(self._draw)
             else:
                 context.call(self._accumulate, passes)
         image = contexts.gl.to_pixels(self._rgb_buffer)
@@ -138,6 +135,26 @@ class SceneCamera(engine.Camera):
         for eye in scene.camera:
             parts += [eye.pos, eye.forward, eye.up]
         return np.concatenate([np.ravel(part) for part in parts])
+
+    def _draw(self) -> None:
+        """Renders an image; one of translucent water mixes two, without and with opaque water.
+
+        MuJoCo draws translucent geoms one after the other, by their distances. Blending is linear:
+        the mixture has the glass behind the water, then the water, then the glass before it.
+        """
+        scene = self.scene.ptr
+        for geom in itertools.islice(scene.geoms, scene.ngeom):
+            if geom.type == mujoco.mjtGeom.mjGEOM_SKIN and geom.rgba[3] < 1.0:
+                opacity = geom.rgba[3]
+                mixed = np.zeros(self._rgb_buffer.shape, np.float32)
+                for drawn, share in ((0.0, 1.0 - opacity), (1.0, opacity)):
+                    geom.rgba[3] = drawn
+                    self._render_on_gl_thread(depth=False, overlays=())
+                    mixed += share * self._rgb_buffer
+                geom.rgba[3] = opacity
+                self._rgb_buffer[:] = np.round(mixed)
+                return
+        self._render_on_gl_thread(depth=False, overlays=())
 
     def _accumulate(self, passes: int) -> None:
         scene = self.scene.ptr
@@ -160,7 +177,7 @@ class SceneCamera(engine.Camera):
             for eye, (center, bottom, top) in zip(scene.camera, frames, strict=True):
                 eye.frustum_center = center + dx
                 eye.frustum_bottom, eye.frustum_top = bottom + dy, top + dy
-            self._render_on_gl_thread(depth=False, overlays=())
+            self._draw()
             total += _LIGHT[self._rgb_buffer]
         np.multiply(255.0, (total / passes) ** (1.0 / GAMMA), out=total)
         self._rgb_buffer[:] = np.round(total)
