@@ -1,13 +1,15 @@
-"""`Hands`: state of two pickers, for reactive experts."""
+"""`Hands`: state of two pickers or arms, for reactive experts."""
 
 import math
 from typing import NamedTuple
 
 from softgym_mj.metrics import Array, lengths, namespace, taken
 
+PICKERS = 14  # Numbers of two pickers; arms have more.
+
 
 class Hands(NamedTuple):
-    """Two pickers.
+    """Two pickers, or the hands of two arms.
 
     Attributes:
         centers: (..., 2, 3) [m].
@@ -15,6 +17,8 @@ class Hands(NamedTuple):
         lost: whether each must open before it can take a point (..., 2).
         held: index of the point that it holds, or of the nearest one (..., 2).
         places: of held points (..., 2, 3) [m].
+        commanded: centers that actions displace (..., 2, 3) [m]; those of arms run ahead.
+        are_arms: whether they belong to arms.
     """
 
     centers: Array
@@ -22,23 +26,29 @@ class Hands(NamedTuple):
     lost: Array
     held: Array
     places: Array
+    commanded: Array
+    are_arms: bool
 
 
 def found_hands(numbers: Array, points: Array, lowest: float = -math.inf) -> Hands:
-    """Returns the pickers at the end of an observation "markov".
+    """Returns the pickers or arms at the end of an observation "markov".
 
     Args:
-        numbers: centers and grips (..., 14).
+        numbers: centers and grips (..., 14); of arms centers, other senses, grips and commanded
+            centers.
         points: points that they can hold (..., n, 3) [m].
         lowest: smallest height of a held point [m].
     """
     xp, lead = namespace(numbers), numbers.shape[:-1]
+    are_arms = numbers.shape[-1] > PICKERS
     centers = numbers[..., :6].reshape((*lead, 2, 3))
-    grips = numbers[..., 6:].reshape((*lead, 2, 4))
+    commanded = numbers[..., -6:].reshape((*lead, 2, 3)) if are_arms else centers
+    grips = (numbers[..., -14:-6] if are_arms else numbers[..., 6:]).reshape((*lead, 2, 4))
     places = centers + grips[..., 1:]
     places = xp.concat([places[..., :2], xp.clip(places[..., 2:], lowest, None)], axis=-1)
     held = xp.argmin(lengths(points[..., None, :, :] - places[..., :, None, :]), axis=-1)
-    return Hands(centers, grips[..., 0] > 0.5, grips[..., 0] < -0.5, held, places)
+    holds, lost = grips[..., 0] > 0.5, grips[..., 0] < -0.5
+    return Hands(centers, holds, lost, held, places, commanded, are_arms)
 
 
 def point_at(points: Array, index: Array) -> Array:

@@ -10,6 +10,8 @@ STRIDE = 8 * MAX_DISPLACEMENT  # [m] Displacement in an env step of 8 sim steps 
 # A picker descends in a funnel, with a radius at the bottom [m] and a slope, and moves across less
 # the deeper it is below the funnel, down to this depth [m].
 NARROW, SLOPE, BELOW = 0.01, 1.5, 0.04
+# Arms that brake move at most this share of the rest in an env step, or this distance [m].
+BRAKING, CREEP = 0.6, 0.02
 
 
 class Motion(NamedTuple):
@@ -44,6 +46,17 @@ def actions(centers: Array, motions: Sequence[Motion]) -> Array:
 def at(across: Array, height: Array) -> Array:
     """Returns points (..., 3) [m] of horizontal positions (..., 2) and heights (...) [m]."""
     return namespace(across).concat([across, height[..., None]], axis=-1)
+
+
+def braked(start: Array, goal: Array) -> Array:
+    """Returns the fraction of full speed (...) at which arms stop at a goal without overshoot.
+
+    Args:
+        start: commanded position (..., 3) [m].
+        goal: (..., 3) [m].
+    """
+    xp = namespace(start)
+    return xp.clip(BRAKING * xp.max(xp.abs(goal - start), axis=-1), CREEP, STRIDE) / STRIDE
 
 
 def funnel(center: Array, end: Array, high: float, narrow: float = NARROW) -> Array:
