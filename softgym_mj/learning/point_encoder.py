@@ -12,6 +12,7 @@ from torch import Tensor, nn
 
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.robots.arm.arms import Arms
 
 SCALE = 8.0  # [1/m] Positions are multiplied by it, so that workspaces measure a few units.
 POINTS = "reduced", "key_points", "markov"  # Observations with points.
@@ -41,7 +42,7 @@ def layout_of(env: Environment, name: str) -> Layout:
 
     Raises:
         InvalidArgumentError: unless it has points of an object, as many of a goal or none, and
-            positions of grippers, which must be pickers.
+            positions of grippers, which must be pickers or hands of arms.
     """
     task = env.task
     places: dict[str, list[int]] = {"object": [], "goal": [], "other": []}
@@ -54,8 +55,10 @@ def layout_of(env: Environment, name: str) -> Layout:
             places[entry.role] += range(size, size + number)
         size += number
     points, goals = (np.reshape(places[role], (-1, 3)) for role in ("object", "goal"))
-    if not len(points) or len(goals) not in (0, len(points)) or task.actor.name != "picker":
-        valid = f"False, unless pickers move an object whose points `{name}` lists"
+    # Positions of pickers and tool points of arms follow the numbers of the task.
+    located = task.actor.name == "picker" or isinstance(task.actor, Arms)
+    if not len(points) or len(goals) not in (0, len(points)) or not located:
+        valid = f"False, unless pickers or arms move an object whose points `{name}` lists"
         raise InvalidArgumentError("points", True, valid)
     number = 3 * task.actor.num_grippers
     return Layout(points, goals, np.arange(size, size + number).reshape(-1, 3))

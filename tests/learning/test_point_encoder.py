@@ -28,6 +28,12 @@ def test_a_layout_finds_points_goals_and_pickers(task, points):
         assert len(found.goals) == 0
 
 
+def test_a_layout_finds_the_tool_points_of_arms():
+    found, env, seen = layout("fold_cloth", actor="franka")
+    np.testing.assert_array_equal(found.points.ravel(), np.arange(12))
+    np.testing.assert_allclose(seen[found.grippers], env.task.actor.positions())
+
+
 def test_a_layout_of_a_shirt_finds_what_markov_begins_with():
     found, env, seen = layout("fold_shirt", "markov")
     np.testing.assert_array_equal(found.points.ravel(), np.arange(33))
@@ -47,7 +53,7 @@ def test_key_points_of_a_cloth_are_spread_evenly():
 
 
 def test_observations_without_points_are_refused():
-    for task, settings in (("pour_water", {}), ("fold_cloth", {"actor": "franka"})):
+    for task, settings in (("pour_water", {}), ("fold_cloth", {"actor": "pick_and_place"})):
         with pytest.raises(InvalidArgumentError, match="points=True"):
             layout(task, **settings)
 
