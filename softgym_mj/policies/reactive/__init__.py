@@ -19,6 +19,7 @@ from softgym_mj.policies.reactive.folding import fold_cloth
 from softgym_mj.policies.reactive.pouring import pour_water, pour_water_amount
 from softgym_mj.policies.reactive.rope import rope_configuration
 from softgym_mj.policies.reactive.shirt import fold_shirt
+from softgym_mj.policies.reactive.straightening import straighten_rope
 
 LABELS: dict[str, Callable[[Array], Array]] = {
     "drop_fold_cloth": drop_fold_cloth,
@@ -28,6 +29,7 @@ LABELS: dict[str, Callable[[Array], Array]] = {
     "pour_water": pour_water,
     "pour_water_amount": pour_water_amount,
     "rope_configuration": rope_configuration,
+    "straighten_rope": straighten_rope,
 }
 vars(drop_fold_cloth)["observes"] = "key_points+markov"
 vars(fold_crumpled_cloth)["observes"] = "full+markov"

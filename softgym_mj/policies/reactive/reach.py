@@ -12,6 +12,12 @@ def base(i: int, like: Array) -> Array:
     return constant([0.0, BASE * (2 * i - 1)], like)
 
 
+def in_reach(i: int, point: Array) -> Array:
+    """Returns whether arm `i` reaches a point (..., 3) [m] near the floor (...)."""
+    distance = lengths(point[..., :2] - base(i, point))
+    return (distance >= INNER) & (distance <= OUTER)
+
+
 def way_into_reach(i: int, point: Array, direction: Array) -> Array:
     """Returns how far (...) [m] from a point along a direction the reach of arm `i` begins.
 
