@@ -99,7 +99,19 @@ def test_the_cup_creeps_on_if_no_water_flows_although_some_is_missing():
     assert moved(reactive.pour_water_amount, flowing)[2] < 1.0
 
 
-@pytest.mark.parametrize(("task", "size"), [("pour_water", 16), ("pour_water_amount", 18)])
+def test_an_arm_moves_its_commanded_pose_as_if_the_cup_were_there():
+    commanded = (0.1, 0.2, 0.1)
+    # So far below the lip that the cup tilts as fast as it may in either pose.
+    there = reactive.pour_water(seen(commanded, surface=0.1))
+    behind = seen((0.05, 0.15, 0.0), surface=0.1)
+    behind = np.concatenate([behind[:13], np.zeros(22), commanded])
+    np.testing.assert_allclose(reactive.pour_water(behind), there, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("task", "size"),
+    [("pour_water", 16), ("pour_water_amount", 18), ("pour_water", 38), ("pour_water_amount", 40)],
+)
 def test_batches_have_the_actions_of_single_observations(task, size):
     source = np.random.default_rng(0)
     states = source.uniform(0.05, 0.6, (60, size))
@@ -118,6 +130,12 @@ def test_it_pours_a_share_of_the_water(fidelity, variations):
     env, scores, _ = play("pour_water_amount", ["markov"], variations, fidelity=fidelity)
     assert np.mean(scores) > 0.9
     assert env.info()["spilled"] < 0.02
+
+
+@pytest.mark.parametrize("task", ["pour_water", "pour_water_amount"])
+def test_arms_pour(task):
+    _, scores, _ = play(task, ["markov"], range(700, 702), fidelity="fast", actor="franka")
+    assert np.min(scores) > 0.9
 
 
 def test_walls_are_those_of_all_variations():

@@ -33,6 +33,7 @@ HEAD, FULL = 0.4, 0.6
 # Missing share at which PourWaterAmount stops, and fraction of the full flow that counts as some.
 SHORT, ALMOST = 0.02, 0.05
 FLOWING = 0.05  # Share of the water in the air from which it flows, twice that of spilled drops.
+CUP = 18  # Largest size of an observation without an arm.
 
 
 class Lip(NamedTuple):
@@ -52,12 +53,12 @@ class Lip(NamedTuple):
 
 
 def pour_water(observation: Array) -> Array:
-    """Returns actions (..., 3) of PourWater for "markov" (..., 16)."""
+    """Returns actions (..., 3) of PourWater for "markov" (..., 16), with an arm (..., n)."""
     return _poured(observation, namespace(observation).ones_like(observation[..., 0]))
 
 
 def pour_water_amount(observation: Array) -> Array:
-    """Returns actions (..., 3) of PourWaterAmount for "markov" (..., 18)."""
+    """Returns actions (..., 3) of PourWaterAmount for "markov" (..., 18), with an arm (..., n)."""
     gone, share = 1.0 - observation[..., 12], observation[..., 14]
     return _poured(observation, share - SHORT - gone)
 
@@ -70,15 +71,18 @@ def _in_the_air(observation: Array) -> Array:
 def _poured(observation: Array, missing: Array) -> Array:
     """Returns actions (..., 3) that pour a missing share (...) of the water."""
     xp = namespace(observation)
-    x, z, theta, length, _, up, target, rim, inner = (observation[..., k] for k in range(9))
-    along, cosine, sine = length / 2 + WALL, xp.cos(theta), xp.sin(theta)
-    lip = Lip(x + along * cosine + up * sine, z - along * sine + up * cosine, along, up, theta)
+    length, _, up, target, rim, inner = (observation[..., k] for k in range(3, 9))
+    actual, along = observation[..., :3], length / 2 + WALL
+    # Actions displace the commanded pose of an arm, which the cup follows.
+    commanded = observation[..., -3:] if observation.shape[-1] > CUP else actual
+    x, z, theta = (commanded[..., k] for k in range(3))
+    lip, reached = _lip(commanded, along, up), _lip(actual, along, up)
     wall = target - inner / 2 - TARGET_WALL  # Outer face of the target's near wall.
     beside, over = wall - STANDOFF, wall + TARGET_WALL + REACH
     move = _moved(lip, rim, beside, over, over - wall)
     # Water is held back just below the inner edge, or its height above depends on what is missing.
     margin = READY + (TRAVEL - READY) * xp.clip((beside - lip.x) / NEAR, 0.0, 1.0)
-    spare = lip.z + WALL * sine - observation[..., 10] - margin
+    spare = reached.z + WALL * xp.sin(reached.theta) - observation[..., 10] - margin
     held = xp.clip(GAIN * spare, 0.0, TILT)
     flow = xp.clip(missing / FULL, 0.0, 1.0)
     pours = xp.clip(RESPONSE * ((spare + READY * flow) / up + HEAD * flow), BACK, TIP)
@@ -94,6 +98,13 @@ def _poured(observation: Array, missing: Array) -> Array:
     goal_z = lip.z + move[..., 1] + along * sine - up * cosine
     action = columns((goal_x - x) / STEP[0], (goal_z - z) / STEP[1], tilt / STEP[2])
     return action / xp.clip(xp.max(xp.abs(action), axis=-1), 1.0, None)[..., None]
+
+
+def _lip(pose: Array, along: Array, up: Array) -> Lip:
+    """Returns the lip of a cup at a pose (..., 3) [m, m, rad]."""
+    xp, (x, z, theta) = namespace(pose), (pose[..., k] for k in range(3))
+    cosine, sine = xp.cos(theta), xp.sin(theta)
+    return Lip(x + along * cosine + up * sine, z - along * sine + up * cosine, along, up, theta)
 
 
 def _moved(lip: Lip, rim: Array, beside: Array, over: Array, depth: Array) -> Array:
