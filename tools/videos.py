@@ -44,6 +44,7 @@ VARIATIONS = {
     "straighten_rope-distill_rgb": 999, "straighten_rope-teacher_student": 995,
     "route_cable-sac": 914, "straighten_rope-franka-sac": 803,
     "straighten_rope-franka-distill": 917, "fold_cloth-franka-sac": 861,
+    "pour_water-distill": 890, "pour_water_amount-distill": 938,
 }  # fmt: skip
 
 
