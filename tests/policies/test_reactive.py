@@ -112,3 +112,8 @@ def test_other_tasks_are_refused():
 def test_other_observations_are_refused():
     with pytest.raises(InvalidArgumentError, match=r"observation=\['reduced'\].*\['markov'\]"):
         make_policy(NAME, softgym_mj.load("rope_configuration"), trust=True)
+
+
+def test_arms_are_refused_by_experts_that_are_not_made_for_them():
+    with pytest.raises(InvalidArgumentError, match="actor='an arm'"):
+        reactive.rope_configuration(np.zeros(118))

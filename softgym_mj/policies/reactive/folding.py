@@ -50,7 +50,7 @@ def fold_cloth(observation: Array) -> Array:
     """Returns actions (..., 8) of FoldCloth for "markov" (..., 26), of two arms (..., n)."""
     xp, lead = namespace(observation), observation.shape[:-1]
     corners = observation[..., :12].reshape((*lead, 4, 3))
-    hands = found_hands(observation[..., 12:], corners)
+    hands = found_hands(observation[..., 12:], corners, arms=True)
     manner = ARMS if hands.are_arms else PICKERS
     swapped = _swapped(hands, corners)
     both = hands.holds[..., 0] & hands.holds[..., 1]

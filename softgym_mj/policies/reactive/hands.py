@@ -3,6 +3,7 @@
 import math
 from typing import NamedTuple
 
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.metrics import Array, lengths, namespace, taken
 
 PICKERS = 14  # Numbers of two pickers; arms have more.
@@ -30,7 +31,9 @@ class Hands(NamedTuple):
     are_arms: bool
 
 
-def found_hands(numbers: Array, points: Array, lowest: float = -math.inf) -> Hands:
+def found_hands(
+    numbers: Array, points: Array, lowest: float = -math.inf, *, arms: bool = False
+) -> Hands:
     """Returns the pickers or arms at the end of an observation "markov".
 
     Args:
@@ -38,9 +41,15 @@ def found_hands(numbers: Array, points: Array, lowest: float = -math.inf) -> Han
             centers.
         points: points that they can hold (..., n, 3) [m].
         lowest: smallest height of a held point [m].
+        arms: whether the expert is made for arms, too.
+
+    Raises:
+        InvalidArgumentError: for arms and an expert that is not made for them.
     """
     xp, lead = namespace(numbers), numbers.shape[:-1]
     are_arms = numbers.shape[-1] > PICKERS
+    if are_arms and not arms:
+        raise InvalidArgumentError("actor", "an arm", "'picker', as this expert does not move arms")
     centers = numbers[..., :6].reshape((*lead, 2, 3))
     commanded = numbers[..., -6:].reshape((*lead, 2, 3)) if are_arms else centers
     grips = (numbers[..., -14:-6] if are_arms else numbers[..., 6:]).reshape((*lead, 2, 4))

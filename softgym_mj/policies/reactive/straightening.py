@@ -64,7 +64,7 @@ def straighten_rope(observation: Array) -> Array:
     """Returns actions (..., 8) of StraightenRope for "markov" (..., 44), of two arms (..., n)."""
     xp, lead = namespace(observation), observation.shape[:-1]
     keys = observation[..., : 3 * NUM_KEY_POINTS].reshape((*lead, NUM_KEY_POINTS, 3))
-    hands = found_hands(observation[..., 3 * NUM_KEY_POINTS :], keys)
+    hands = found_hands(observation[..., 3 * NUM_KEY_POINTS :], keys, arms=True)
     ends = _ends(hands, keys)
     both, pulled = ends.held[..., 0] & ends.held[..., 1], _pulled(hands, ends)
     motions = []
