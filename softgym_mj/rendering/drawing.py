@@ -51,6 +51,7 @@ class SceneCamera(engine.Camera):
         super().__init__(physics, height, width, camera, max_geom=MAX_GEOMS)
         model = physics.model.ptr
         self.look = look_of(model)
+        self._water: mujoco.MjvGeom | None = None  # Translucent water in the scene.
         self._surfaces: list[Surface] = find_surfaces(model, physics.data.ptr, self.look)
         ids = (mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name) for name in GROUND)
         self._ground = {i for i in ids if i >= 0}
@@ -65,8 +66,11 @@ class SceneCamera(engine.Camera):
             scene.skinfacenum[surface.skin] = surface.write(
                 scene.skinvert.reshape(-1, 3), scene.skinnormal.reshape(-1, 3)
             )
+        self._water = None
         for geom in itertools.islice(scene.geoms, scene.ngeom):
             is_skin = geom.type == mujoco.mjtGeom.mjGEOM_SKIN
+            if is_skin and geom.rgba[3] < 1.0:
+                self._water = geom
             is_clear = geom.rgba[3] < CLEAR and not is_skin
             # OpenGL draws only the front of water, which gets the opacity of front and rear, and
             # MuJoCo draws translucent geoms twice (`mjr_render`): each coat gets half the opacity.
@@ -142,19 +146,17 @@ class SceneCamera(engine.Camera):
         MuJoCo draws translucent geoms one after the other, by their distances. Blending is linear:
         the mixture has the glass behind the water, then the water, then the glass before it.
         """
-        scene = self.scene.ptr
-        for geom in itertools.islice(scene.geoms, scene.ngeom):
-            if geom.type == mujoco.mjtGeom.mjGEOM_SKIN and geom.rgba[3] < 1.0:
-                opacity = geom.rgba[3]
-                mixed = np.zeros(self._rgb_buffer.shape, np.float32)
-                for drawn, share in ((0.0, 1.0 - opacity), (1.0, opacity)):
-                    geom.rgba[3] = drawn
-                    self._render_on_gl_thread(depth=False, overlays=())
-                    mixed += share * self._rgb_buffer
-                geom.rgba[3] = opacity
-                self._rgb_buffer[:] = np.round(mixed)
-                return
-        self._render_on_gl_thread(depth=False, overlays=())
+        if self._water is None:
+            self._render_on_gl_thread(depth=False, overlays=())
+            return
+        opacity = self._water.rgba[3]
+        mixed = np.zeros(self._rgb_buffer.shape, np.float32)
+        for drawn, share in ((0.0, 1.0 - opacity), (1.0, opacity)):
+            self._water.rgba[3] = drawn
+            self._render_on_gl_thread(depth=False, overlays=())
+            mixed += share * self._rgb_buffer
+        self._water.rgba[3] = opacity
+        self._rgb_buffer[:] = np.round(mixed)
 
     def _accumulate(self, passes: int) -> None:
         scene = self.scene.ptr
