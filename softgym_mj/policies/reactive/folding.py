@@ -8,7 +8,7 @@ next to corners that are out of reach.
 from typing import NamedTuple
 
 from softgym_mj.metrics import Array, lengths, namespace
-from softgym_mj.policies.reactive.hands import Hands, found_hands
+from softgym_mj.policies.reactive.hands import Hands, cross, found_hands
 from softgym_mj.policies.reactive.motions import Motion, actions, at, braked, funnel
 from softgym_mj.policies.reactive.reach import way_into_reach
 
@@ -82,8 +82,7 @@ def _swapped(hands: Hands, corners: Array) -> Array:
     """
     if hands.are_arms:
         return corners[..., 2, 1] > corners[..., 3, 1]
-    ways = lengths(hands.centers[..., :, None, :2] - corners[..., None, :2, :2])
-    nearer = ways[..., 0, 1] + ways[..., 1, 0] < ways[..., 0, 0] + ways[..., 1, 1]
+    nearer = cross(hands, corners[..., :2, :])
     held = [hands.holds[..., i] & (hands.held[..., i] == 1 - i) for i in range(2)]
     right = [hands.holds[..., i] & (hands.held[..., i] == i) for i in range(2)]
     return held[0] | held[1] | (nearer & ~(right[0] | right[1]))

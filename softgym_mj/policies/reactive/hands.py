@@ -60,6 +60,17 @@ def found_hands(
     return Hands(centers, holds, lost, held, places, commanded, are_arms)
 
 
+def cross(hands: Hands, points: Array) -> Array:
+    """Returns whether both hands are nearer, from above, to the other one of two points (...).
+
+    Args:
+        hands: both hands.
+        points: (..., 2, 3) [m].
+    """
+    ways = lengths((hands.centers[..., :, None, :] - points[..., None, :, :])[..., :2])
+    return ways[..., 0, 1] + ways[..., 1, 0] < ways[..., 0, 0] + ways[..., 1, 1]
+
+
 def point_at(points: Array, index: Array) -> Array:
     """Returns a point (..., 3) out of points (..., n, 3) by its index (...)."""
     return taken(points, index[..., None])[..., 0, :]

@@ -48,6 +48,14 @@ def at(across: Array, height: Array) -> Array:
     return namespace(across).concat([across, height[..., None]], axis=-1)
 
 
+def either(mask: Array, first: Motion, second: Motion) -> Motion:
+    """Returns the first motion where a mask (...) is true, else the second."""
+    xp = namespace(first.goal)
+    goal = xp.where(mask[..., None], first.goal, second.goal)
+    closed = xp.where(mask, first.closed, second.closed)
+    return Motion(goal, closed, xp.where(mask, first.speed, second.speed))
+
+
 def braked(start: Array, goal: Array) -> Array:
     """Returns the fraction of full speed (...) at which arms stop at a goal without overshoot.
 

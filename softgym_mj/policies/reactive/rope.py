@@ -4,7 +4,7 @@ from array_api_compat import device
 
 from softgym_mj.metrics import Array, constant, lengths, namespace, taken
 from softgym_mj.policies.reactive.hands import Hands, found_hands, point_at
-from softgym_mj.policies.reactive.motions import Motion, actions, at, funnel
+from softgym_mj.policies.reactive.motions import Motion, actions, at, either, funnel
 
 # Heights of a picker's center [m]: on the way to a point, with a point, and where it is released.
 TRAVEL, CARRY, LAID = 0.1, 0.07, 0.045
@@ -51,17 +51,12 @@ def carrying(points: Array, places: Array, pickers: Hands) -> Array:
         places: (..., n, 3) [m].
         pickers: two pickers.
     """
-    xp = namespace(points)
     targets = _targets(points, places, pickers)
     motions = []
     for i, (target, exists) in enumerate(targets):
         carried = _carried(points, places, pickers, i)
         fetched = _fetched(points, target, exists, pickers, i)
-        holds = pickers.holds[..., i]
-        goal = xp.where(holds[..., None], carried.goal, fetched.goal)
-        closed = xp.where(holds, carried.closed, fetched.closed)
-        speed = xp.where(holds, carried.speed, fetched.speed)
-        motions.append(Motion(goal, closed, speed))
+        motions.append(either(pickers.holds[..., i], carried, fetched))
     return actions(pickers.centers, motions)
 
 

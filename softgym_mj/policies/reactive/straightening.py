@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 from softgym_mj.entities.rope import LENGTH, NUM_KEY_POINTS
 from softgym_mj.metrics import Array, constant, lengths, namespace
-from softgym_mj.policies.reactive.hands import Hands, found_hands
-from softgym_mj.policies.reactive.motions import Motion, actions, at, braked, funnel
+from softgym_mj.policies.reactive.hands import Hands, cross, found_hands
+from softgym_mj.policies.reactive.motions import Motion, actions, at, braked, either, funnel
 from softgym_mj.policies.reactive.reach import in_reach
 
 
@@ -70,19 +70,11 @@ def straighten_rope(observation: Array) -> Array:
     motions = []
     for i in range(2):
         held, wrong = ends.held[..., i], hands.holds[..., i] & ~ends.held[..., i]
-        motion = _either(held, _alone(hands, ends, i), _free(hands, ends, i))
-        motion = _either(wrong, _wrong(hands, ends, i), motion)
+        motion = either(held, _alone(hands, ends, i), _free(hands, ends, i))
+        motion = either(wrong, _wrong(hands, ends, i), motion)
         straight = Motion(pulled[..., i, :], both, xp.ones_like(motion.speed))
-        motions.append(_either(both, straight, motion))
+        motions.append(either(both, straight, motion))
     return actions(hands.commanded, motions)
-
-
-def _either(mask: Array, first: Motion, second: Motion) -> Motion:
-    """Returns the first motion where a mask (...) is true, else the second."""
-    xp = namespace(first.goal)
-    goal = xp.where(mask[..., None], first.goal, second.goal)
-    closed = xp.where(mask, first.closed, second.closed)
-    return Motion(goal, closed, xp.where(mask, first.speed, second.speed))
 
 
 def _ends(hands: Hands, keys: Array) -> Ends:
@@ -90,17 +82,13 @@ def _ends(hands: Hands, keys: Array) -> Ends:
     xp, manner = namespace(keys), _manner(hands)
     points = xp.stack([keys[..., 0, :], keys[..., -1, :]], axis=-2)
     first, last = (hands.holds & (hands.held == end) for end in (0, NUM_KEY_POINTS - 1))
-    either = first | last
-    if hands.are_arms:
-        nearer = points[..., 0, 1] > points[..., 1, 1]
-    else:
-        ways = lengths((hands.centers[..., :, None, :] - points[..., None, :, :])[..., :2])
-        nearer = ways[..., 0, 1] + ways[..., 1, 0] < ways[..., 0, 0] + ways[..., 1, 1]
-    swapped = xp.where(either[..., 1], first[..., 1], nearer)
-    swapped = xp.where(either[..., 0], last[..., 0], swapped)
+    holding = first | last
+    nearer = points[..., 0, 1] > points[..., 1, 1] if hands.are_arms else cross(hands, points)
+    swapped = xp.where(holding[..., 1], first[..., 1], nearer)
+    swapped = xp.where(holding[..., 0], last[..., 0], swapped)
     reached = _reached(hands, _ordered(points, swapped))
     # An arm that has to bring an end into reach of the other one takes that arm's.
-    brings = ~(either[..., 0] | either[..., 1]) & ~(reached[..., 0] & reached[..., 1])
+    brings = ~(holding[..., 0] | holding[..., 1]) & ~(reached[..., 0] & reached[..., 1])
     swapped, reached = swapped ^ brings, reached & ~brings[..., None]
     away = points - xp.stack([keys[..., 1, :], keys[..., -2, :]], axis=-2)
     away = away[..., :2] / xp.clip(lengths(away[..., :2]), 1e-6, None)[..., None]
