@@ -116,11 +116,11 @@ def _motion(
     xp, center, place = namespace(own), hands.centers[..., i, :], hands.places[..., i, :]
     manner, commanded = ARMS if hands.are_arms else PICKERS, hands.commanded[..., i, :]
     full, holds = xp.ones_like(own[..., 0]), hands.holds[..., i]
-    _, left = _carried(manner, place, mirror, normal)
-    place = place + (commanded - center) if hands.are_arms else place
-    following, _ = _carried(manner, place, mirror, normal)
+    across, height = _left(manner, place, mirror, normal)
+    arrived = (across + height < ARRIVED) & (both | hands.are_arms)
+    place = place + (commanded - center)
+    following = _carried(manner, place, mirror, normal)
     carried = commanded + xp.where(both[..., None], following - place, xp.zeros_like(place))
-    arrived = left < ARRIVED if hands.are_arms else both & (left < ARRIVED)
     keeps = holds & ~arrived
     corner = at(own[..., :2], manner.low * full)
     gap = lengths((center - corner)[..., :2])
@@ -133,8 +133,19 @@ def _motion(
     return Motion(goal, xp.where(holds, keeps, closes & ~folded), speed)
 
 
-def _carried(manner: Manner, place: Array, mirror: Array, normal: Array) -> tuple[Array, Array]:
-    """Returns where a corner at `place` is an env step later (..., 3), and the way left (...) [m].
+def _left(manner: Manner, place: Array, mirror: Array, normal: Array) -> tuple[Array, Array]:
+    """Returns the ways left from `place` along `normal`, and down on the full circle (...) [m].
+
+    The arguments are those of `_carried`.
+    """
+    xp = namespace(place)
+    end = mirror[..., :2] + SHORT * normal
+    across = xp.clip(xp.sum((place[..., :2] - end) * normal, axis=-1), 1e-3, None)
+    return across, xp.clip(place[..., 2] - manner.landing, 0.0, None) / manner.lower
+
+
+def _carried(manner: Manner, place: Array, mirror: Array, normal: Array) -> Array:
+    """Returns where a corner at `place` is an env step later (..., 3) [m].
 
     Args:
         manner: manner of the pickers.
@@ -143,11 +154,9 @@ def _carried(manner: Manner, place: Array, mirror: Array, normal: Array) -> tupl
         normal: horizontal unit vector from there to the corner's side (..., 2).
     """
     xp = namespace(place)
-    end = mirror[..., :2] + SHORT * normal
-    across = xp.clip(xp.sum((place[..., :2] - end) * normal, axis=-1), 1e-3, None)
-    height = xp.clip(place[..., 2] - manner.landing, 0.0, None) / manner.lower
+    across, height = _left(manner, place, mirror, normal)
     radius = (across**2 + height**2) / (2 * across)
     angle = xp.clip(xp.atan2(height, radius - across) - manner.pace / radius, 0.0, None)
     along = radius * (1.0 - xp.cos(angle))
     up = manner.landing + manner.lower * radius * xp.sin(angle)
-    return at(end + along[..., None] * normal, up), across + height
+    return at(mirror[..., :2] + SHORT * normal + along[..., None] * normal, up)
