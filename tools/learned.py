@@ -137,8 +137,12 @@ def overview(docs: str) -> str:
 def _taught_by_functions(docs: str) -> str:
     """Returns a sentence on published students of a function instead of a saved policy."""
     runs, own = read_queue(RESULTS / "queue.toml"), rows()
-    tasks = {run.task for run in runs if ":" in (run.teacher or "") and run.is_done(own)}
-    named = ", ".join(f"`{task}`" for task in TASKS if task in tasks)
+    done = {
+        (run.task, run.actor) for run in runs if ":" in (run.teacher or "") and run.is_done(own)
+    }
+    order = [*TASKS]
+    students = sorted(done, key=lambda key: (order.index(key[0]), key[1] != DEFAULT_ACTOR, key))
+    named = ", ".join(label(*key).replace(", ", " with ") for key in students)
     page = f"{docs}learning.md#from-a-state-policy-to-an-image-policy"
     return f" [Hand-written experts]({page}) teach the students of {named}." if named else ""
 
