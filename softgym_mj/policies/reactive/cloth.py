@@ -7,6 +7,7 @@ lifts it until the other picker has an end, then fetches the opposite one.
 from typing import NamedTuple
 
 from softgym_mj.metrics import Array, lengths, namespace, taken
+from softgym_mj.policies.reactive.approach import approached
 from softgym_mj.policies.reactive.grasps import (
     TOP,
     Grasps,
@@ -28,14 +29,6 @@ END = 0.1  # [m] Cost up to which a vertex counts as an end.
 # [m] Cost that a held vertex may exceed the best exposed one by: cloth that hangs from two vertices
 # shows its ends.
 BETTER = 0.05
-# [m] Distances from a grasp, across its direction and along it, up to which a picker is closed,
-# before the vertex is in reach: imitators never learned to close for a moment only.
-READY, HIGH = 0.04, 0.1
-# Pickers approach a grasp in a funnel along its direction: radius at the bottom [m], slope and
-# height [m]. Beyond a horizontal distance [m] they keep above the cloth, with a slope and a height
-# [m].
-NARROW, SLOPE, STANDOFF = 0.012, 1.5, 0.06
-AROUND, RISE, OVER = 0.12, 0.7, 0.2
 
 
 class Holds(NamedTuple):
@@ -154,12 +147,5 @@ def _fetched(
     )
     grasp = xp.where(second, centers[1], centers[0])
     direction = xp.where(second, directions[1], directions[0])
-    away = hands.centers[..., i, :] - grasp
-    axial = xp.sum(away * direction, axis=-1)[..., None]
-    aside = lengths(away - axial * direction)
-    level = xp.clip(SLOPE * (aside - NARROW), 0.0, STANDOFF)[..., None]
-    over = xp.clip(RISE * (lengths(away[..., :2]) - AROUND), 0.0, OVER)
-    goal = grasp + level * direction
-    goal = at(goal[..., :2], goal[..., 2] + over)
-    near = (aside <= READY) & (axial[..., 0] <= HIGH)
+    goal, near = approached(hands.centers[..., i, :], grasp, direction)
     return goal, near & ~hands.lost[..., i]

@@ -77,7 +77,7 @@ def _directions() -> np.ndarray:
     return np.array([(cos(e) * cos(a), cos(e) * sin(a), sin(e)) for e, a in angles])
 
 
-_DIRECTIONS = _directions()
+DIRECTIONS = _directions()
 
 
 def parsed(observation: Array) -> tuple[Sheet, Hands]:
@@ -120,13 +120,8 @@ def find_grasps(sheet: Sheet, hands: Hands) -> Grasps:
     lead, number = points.shape[:-2], len(NEAR) + len(FAR)
     vertices = _candidates(sheet)
     chosen = taken(points, vertices)
-    directions = constant(_DIRECTIONS, points)
-    low, high = (constant(end, points) for end in ([-EDGE, -EDGE, FLOOR], [EDGE, EDGE, TOP]))
-    centers = chosen[..., :, None, :] + REACH * directions
-    centers = xp.maximum(xp.minimum(centers, high), low)
-    distance = lengths(centers - chosen[..., :, None, :])
-    clear = xp.clip(_nearest(sheet, vertices, centers) - distance, None, CLEAR)
-    clear = xp.where(distance > LIMIT, xp.full_like(clear, -1.0), clear)
+    directions = constant(DIRECTIONS, points)
+    centers, clear = clearances(sheet, vertices, (EDGE, EDGE))
     costs = [entries(sheet.costs[..., e, :], v) for e, v in enumerate(_halves(vertices))]
     cost = xp.concat(costs, axis=-1)[..., :, None]
     outside = OUTSIDE * directions[:, 1] * _signs(points, number)
@@ -134,12 +129,10 @@ def find_grasps(sheet: Sheet, hands: Hands) -> Grasps:
     value = CLEARANCE * clear - COST * cost + UPWARDS * directions[:, 2] + outside - inside
     value = value - xp.astype(clear < HIDDEN, points.dtype)
     ways = lengths(centers[..., None, :, :, :] - hands.centers[..., :, None, None, :])
-    toward = hands.centers[..., :, None, :] - chosen[..., None, :, :]
-    toward = toward / (lengths(toward)[..., None] + 0.05)
-    facing = xp.sum(toward[..., None, :] * directions, axis=-1)
+    facing = facings(hands, chosen)
     beside = xp.astype(_beside(sheet, hands, vertices), points.dtype)
     values = value[..., None, :, :] - WAY * ways + FACING * facing - beside[..., None]
-    size = number * len(_DIRECTIONS)
+    size = number * len(DIRECTIONS)
     tiled = xp.reshape(directions + xp.zeros_like(centers), (*lead, 2, size, 3))
     return Grasps(
         centers.reshape((*lead, 2, size, 3)), tiled,
@@ -175,13 +168,46 @@ def _halves(values: Array) -> tuple[Array, Array]:
     return values[..., :number], values[..., number:]
 
 
-def _nearest(sheet: Sheet, vertices: Array, centers: Array) -> Array:
-    """Returns the distances (..., k, d) [m] of centers from the nearest vertex but their own.
+def clearances(
+    sheet: Sheet, vertices: Array, edges: tuple[float, float], steps: int = 0
+) -> tuple[Array, Array]:
+    """Returns centers (..., k, d, 3) [m] of pickers in d `DIRECTIONS`, and their clearances [m].
+
+    A clearance (..., k, d) is the distance of the nearest other vertex minus that of the own one,
+    at most `CLEAR`; it is -1 if the workspace keeps the picker out of reach.
+
+    Args:
+        sheet: the cloth.
+        vertices: (..., k).
+        edges: farthest picker centers along X and Y [m].
+        steps: steps in the grid up to which vertices do not count as others.
+    """
+    points, directions = sheet.points, constant(DIRECTIONS, sheet.points)
+    xp, (x, y) = namespace(points), edges
+    low, high = (constant(end, points) for end in ([-x, -y, FLOOR], [x, y, TOP]))
+    chosen = taken(points, vertices)[..., None, :]
+    centers = xp.maximum(xp.minimum(chosen + REACH * directions, high), low)
+    distance = lengths(centers - chosen)
+    clear = xp.clip(_nearest(sheet, vertices, centers, steps) - distance, None, CLEAR)
+    return centers, xp.where(distance > LIMIT, xp.full_like(clear, -1.0), clear)
+
+
+def facings(hands: Hands, places: Array) -> Array:
+    """Returns how much `DIRECTIONS` point from places (..., k, 3) [m] to hands: (..., 2, k, d)."""
+    toward = hands.centers[..., :, None, :] - places[..., None, :, :]
+    toward = toward / (lengths(toward)[..., None] + 0.05)
+    directions = constant(DIRECTIONS, places)
+    return namespace(places).sum(toward[..., None, :] * directions, axis=-1)
+
+
+def _nearest(sheet: Sheet, vertices: Array, centers: Array, steps: int) -> Array:
+    """Returns the distances (..., k, d) [m] of centers from the nearest other vertex.
 
     Args:
         sheet: the cloth.
         vertices: own vertices (..., k).
         centers: (..., k, d, 3) [m].
+        steps: steps in the grid up to which vertices do not count as others.
     """
     xp, points = namespace(centers), sheet.points
     # |c - p|^2 = |c|^2 + (c, 1) (-2 p, |p|^2).
@@ -192,18 +218,23 @@ def _nearest(sheet: Sheet, vertices: Array, centers: Array) -> Array:
     lead, (many, each) = points.shape[:-2], centers.shape[-3:-1]
     products = xp.matmul(rows.reshape((*lead, many * each, 4)), xp.moveaxis(terms, -1, -2))
     index = xp.arange(number, device=device(points))
-    own = AWAY**2 * xp.astype(vertices[..., None] == index, points.dtype)
+    own = AWAY**2 * xp.astype(within(sheet, vertices, index, steps), points.dtype)
     least = xp.min(products.reshape((*lead, many, each, number)) + own[..., None, :], axis=-1)
     return xp.sqrt(xp.clip(least + xp.sum(centers * centers, axis=-1), 0.0, None))
+
+
+def within(sheet: Sheet, first: Array, second: Array, steps: int) -> Array:
+    """Returns whether vertices (..., k) and (..., m) are within grid steps: (..., k, m)."""
+    xp, columns = namespace(sheet.points), sheet.columns[..., None, None]
+    first, second = first[..., :, None], second[..., None, :]
+    near = xp.abs(first // columns - second // columns) <= steps
+    return near & (xp.abs(first % columns - second % columns) <= steps)
 
 
 def _beside(sheet: Sheet, hands: Hands, vertices: Array) -> Array:
     """Returns whether the other picker holds each vertex (..., k), or a neighbor: (..., 2, k)."""
     xp = namespace(vertices)
-    columns = sheet.columns[..., None, None]
-    held, each = xp.flip(hands.held, axis=-1)[..., None], vertices[..., None, :]
-    near = xp.abs(held // columns - each // columns) <= 1
-    near = near & (xp.abs(held % columns - each % columns) <= 1)
+    near = within(sheet, xp.flip(hands.held, axis=-1), vertices, 1)
     return near & xp.flip(hands.holds, axis=-1)[..., None]
 
 
