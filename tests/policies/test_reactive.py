@@ -106,7 +106,7 @@ def test_it_lays_ropes_in_the_shape_of_letters():
 
 def test_other_tasks_are_refused():
     with pytest.raises(InvalidArgumentError, match="rope_configuration"):
-        make_policy(NAME, softgym_mj.load("spread_cloth", observation="markov"))
+        make_policy(NAME, softgym_mj.load("drop_cloth", observation="markov"))
 
 
 def test_other_observations_are_refused():

@@ -19,6 +19,7 @@ from softgym_mj.policies.reactive.folding import fold_cloth
 from softgym_mj.policies.reactive.pouring import pour_water, pour_water_amount
 from softgym_mj.policies.reactive.rope import rope_configuration
 from softgym_mj.policies.reactive.shirt import fold_shirt
+from softgym_mj.policies.reactive.spreading import spread_cloth
 from softgym_mj.policies.reactive.straightening import straighten_rope
 
 LABELS: dict[str, Callable[[Array], Array]] = {
@@ -29,10 +30,12 @@ LABELS: dict[str, Callable[[Array], Array]] = {
     "pour_water": pour_water,
     "pour_water_amount": pour_water_amount,
     "rope_configuration": rope_configuration,
+    "spread_cloth": spread_cloth,
     "straighten_rope": straighten_rope,
 }
 vars(drop_fold_cloth)["observes"] = "key_points+markov"
 vars(fold_crumpled_cloth)["observes"] = "full+markov"
+vars(spread_cloth)["observes"] = "full+markov"
 
 
 def policy(env: Environment) -> Callable[[dm_env.TimeStep], np.ndarray]:

@@ -28,6 +28,12 @@ class Motion(NamedTuple):
     speed: Array
 
 
+def opened(goal: Array) -> Motion:
+    """Returns the motion of an open picker to a goal (..., 3) [m] at full speed."""
+    full = namespace(goal).ones_like(goal[..., 2])
+    return Motion(goal, full < 0.0, full)
+
+
 def actions(centers: Array, motions: Sequence[Motion]) -> Array:
     """Returns actions (..., 4 k) of k pickers that move straight to their goals.
 

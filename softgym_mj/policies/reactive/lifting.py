@@ -1,0 +1,83 @@
+"""How two pickers take the corners of a side of crumpled cloth, so that it hangs from them."""
+
+from softgym_mj.metrics import Array, constant, lengths, namespace
+from softgym_mj.policies.reactive.approach import approached
+from softgym_mj.policies.reactive.corner_grasps import EXPOSED, corner_grips
+from softgym_mj.policies.reactive.grasps import REACH, TOP, Sheet
+from softgym_mj.policies.reactive.hands import Hands, point_at
+from softgym_mj.policies.reactive.motions import Motion, at, either, opened
+
+LIFTING = 0.8  # Fraction of full speed.
+DROPPED = 0.43  # [m] Height of a picker from which it drops the cloth.
+# [m] Free pickers wait at a height, aside, while the other one takes the highest vertex; or over
+# and beside a corner that is hidden, until the other one has lifted it.
+WAITING, ASIDE, OVER, BESIDE = 0.3, 0.1, 0.1, 0.15
+SIDES = (0, 1), (0, 2), (1, 3), (2, 3), (1, 0), (2, 0), (3, 1), (3, 2)  # Corners of a side.
+
+
+def lifting(sheet: Sheet, hands: Hands, corners: Array) -> list[Motion]:
+    """Returns motions that end when both pickers hold corners of a side.
+
+    A picker that holds the cloth lifts it while the other one fetches a corner, the next one if it
+    holds a corner. If none is exposed, it drops the cloth; if no picker holds it, the first one
+    takes the highest vertex.
+
+    Args:
+        sheet: the cloth.
+        hands: the pickers.
+        corners: corner that each holds, or -1 (..., 2).
+    """
+    xp, found = namespace(sheet.points), corner_grips(sheet, hands)
+    holds = hands.holds
+    first = holds[..., 0] & (~holds[..., 1] | (corners[..., 0] >= 0) | (corners[..., 1] < 0))
+    keeps = first, holds[..., 1] & ~first
+    wanted = _wanted(found.values, corners, ~holds[..., 0] & ~holds[..., 1])
+    top = xp.where(sheet.present, sheet.points[..., 2], -xp.ones_like(sheet.points[..., 2]))
+    highest = point_at(sheet.points, xp.argmax(top, axis=-1))
+    up = xp.zeros_like(highest) + constant([0.0, 0.0, 1.0], highest)
+    motions = []
+    for i in range(2):
+        center, (index, value) = hands.centers[..., i, :], wanted[i]
+        full, hidden = xp.ones_like(value), value <= EXPOSED
+        grasp, direction = found.best(i, index)
+        goal, near = approached(center, grasp, direction)
+        fetch = Motion(goal, near & ~hands.lost[..., i], full)
+        beside = grasp[..., :2] + BESIDE * _direction(center - grasp)
+        beside = opened(at(beside, xp.clip(grasp[..., 2], OVER, None)))
+        if i == 0:
+            goal, near = approached(center, highest + REACH * up, up)
+            alone = Motion(goal, near & ~hands.lost[..., i], full)
+        else:
+            away = ASIDE * xp.sign(center - hands.centers[..., 0, :])
+            alone = opened(at((center + away)[..., :2], WAITING * full))
+        free = either(hidden, either(keeps[1 - i], beside, alone), fetch)
+        in_vain = ~holds[..., 1 - i] & (wanted[1 - i][1] <= EXPOSED)
+        goal = at(center[..., :2] * constant([0.0, 0.5], center), TOP * full)
+        lift = Motion(goal, ~(in_vain & (center[..., 2] >= DROPPED)), LIFTING * full)
+        motions.append(either(keeps[i], lift, either(holds[..., i], opened(center), free)))
+    return motions
+
+
+def _wanted(values: Array, corners: Array, both: Array) -> list[tuple[Array, Array]]:
+    """Returns the corner that each picker fetches (...), and the value of its grasp (...).
+
+    Args:
+        values: of grasps (..., 2, 4).
+        corners: that pickers hold, or -1 (..., 2).
+        both: whether both are free (...): they fetch the corners of a side.
+    """
+    xp, number = namespace(values), constant([0, 1, 2, 3], corners)
+    sums = [values[..., 0, a] + values[..., 1, b] for a, b in SIDES]
+    side, wanted = xp.argmax(xp.stack(sums, axis=-1), axis=-1), []
+    for i in range(2):
+        value, other = values[..., i, :], corners[..., 1 - i, None]
+        barred = (other >= 0) & ((number == other) | (number + other == 3))
+        index = xp.argmax(xp.where(barred, xp.full_like(value, -xp.inf), value), axis=-1)
+        index = xp.where(both, constant([each[i] for each in SIDES], values)[side], index)
+        wanted.append((index, point_at(value[..., None], index)[..., 0]))
+    return wanted
+
+
+def _direction(away: Array) -> Array:
+    """Returns horizontal directions (..., 2) of vectors (..., 3) [m]."""
+    return away[..., :2] / (lengths(away[..., :2])[..., None] + 1e-3)

@@ -1,0 +1,112 @@
+"""Reactive expert of SpreadCloth: hand-computed actions, fits, batches, whole episodes."""
+
+import numpy as np
+import pytest
+
+from softgym_mj.entities.cloth import Cloth
+from softgym_mj.policies.reactive import grasps, lifting, mending, spread_cloth, unrolling
+from softgym_mj.policies.reactive.flat_fit import flat_fit
+from tests.policies.reactive_episodes import check_batches, entries, fast_or_all, play
+
+DIMS = (65, 81)  # 0.4 m by 0.5 m: 13 rows and 11 columns.
+BELOW = [0.0, 0.0, -0.05]  # [m] Offset of a held vertex.
+AWAY = [[0.2, 0.3, 0.3], [-0.2, -0.3, 0.3]]
+
+
+def flat():
+    """Returns vertices (n, 3) [m] of a flat cloth."""
+    return Cloth(dims=DIMS, fidelity="fast").flat()
+
+
+def seen(points, pickers, held=(0, 0)):
+    """Returns "full" and "markov" of vertices, pickers that hold them at `BELOW`, and grips."""
+    corners = points[Cloth(dims=DIMS, fidelity="fast").corners]
+    grips = [[grip, *(BELOW if grip == 1 else np.zeros(3))] for grip in held]
+    parts = points, np.zeros((20, 3)), pickers, corners, pickers, grips
+    return np.concatenate([np.ravel(part) for part in parts])
+
+
+def moved(points, angle, way):
+    """Returns points (n, 3) [m], rotated about Z by an angle [rad] and translated by a way [m]."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return points @ np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]]) + way
+
+
+def hanging(points, x, height):
+    """Returns vertices of a cloth that hangs by its last column along Y and trails towards -X."""
+    behind = points[:, 0].max() - points[:, 0]
+    down = np.minimum(behind, height)
+    return np.column_stack([x - (behind - down), points[:, 1], height - down])
+
+
+@pytest.mark.parametrize("mirror", [1.0, -1.0])
+def test_the_fit_finds_a_flat_cloth_with_a_fold_and_either_side_up(mirror):
+    points = moved(flat() * [1.0, mirror, 1.0], 0.7, [0.1, -0.2, 0.0])
+    sheet, _ = grasps.parsed(seen(points, AWAY))
+    fit = flat_fit(sheet)
+    np.testing.assert_allclose(fit.places[:143], points[:, :2], atol=1e-9)
+    np.testing.assert_allclose(fit.errors[:143], points[:, 2], atol=1e-9)
+    # Folded corners hardly count: their edges lengthen the cloth by a few percent.
+    folded = points.copy()
+    folded[[0, 1, 11]] = points[[24, 23, 34]] + [0.0, 0.0, 0.01]
+    sheet, _ = grasps.parsed(seen(folded, AWAY))
+    np.testing.assert_allclose(flat_fit(sheet).places[:143], points[:, :2], atol=0.015)
+
+
+def test_pickers_leave_a_flat_cloth():
+    moves, grips = entries(spread_cloth(seen(flat(), [[0.2, 0.3, 0.1], [-0.2, -0.3, 0.1]])))
+    np.testing.assert_allclose(moves, [[0.0, 0.0, 1.0]] * 2, atol=1e-9)
+    assert grips.tolist() == [-1.0, -1.0]
+
+
+def test_a_picker_drags_a_corner_to_its_place_and_releases_it_there():
+    points = flat()
+    place = points[0].copy()
+    points[0] += [0.16, 0.0, 0.02]
+    # Towards the place, at 0.15 m at most: half of the distance is less.
+    moves, grips = entries(spread_cloth(seen(points, [points[0] - BELOW, AWAY[1]], (1, 0))))
+    height = mending.STEEP * 0.16
+    way = np.array([place[0] - points[0, 0], 0.0, height - 0.02 - place[2]])
+    np.testing.assert_allclose(moves[0], mending.DRAGGING * way / 0.16, atol=0.05)
+    assert grips.tolist() == [1.0, -1.0]
+    points[0] = place + [0.02, 0.0, 0.0]
+    assert entries(spread_cloth(seen(points, [points[0] - BELOW, AWAY[1]], (1, 0))))[1][0] == -1.0
+
+
+def test_a_picker_with_a_corner_lifts_crumpled_cloth_and_the_other_one_fetches_the_next():
+    # Cloth hangs in a line from a corner; what reaches the floor lies beside it.
+    points = flat()
+    behind = np.linalg.norm(points - points[10], axis=1)
+    corner = np.array([0.1, 0.2, 0.3])
+    points = corner - np.column_stack(
+        [np.clip(behind - 0.3, 0.0, None), 0.0 * behind, np.clip(behind, 0.0, 0.3)]
+    )
+    moves, grips = entries(spread_cloth(seen(points, [corner - BELOW, AWAY[1]], (1, 0))))
+    way = np.array([-corner[0], -0.5 * corner[1], grasps.TOP - corner[2] - 0.05])
+    np.testing.assert_allclose(moves[0], lifting.LIFTING * way / np.abs(way).max(), atol=1e-9)
+    assert grips.tolist() == [1.0, -1.0]
+    assert moves[1, 2] < 0.0  # It descends.
+
+
+def test_pickers_lay_a_cloth_down_an_arc_from_its_free_edge():
+    points = hanging(flat(), 0.0, 0.28)  # The first column trails 0.12 m behind the last one.
+    last = points.reshape(13, 11, 3)[[0, -1], -1]
+    moves, grips = entries(spread_cloth(seen(points, last - BELOW, (1, 1))))
+    radius, ahead = unrolling.SHORTER * 0.4, 0.12 + unrolling.PACE
+    height = unrolling.LOWER * np.sqrt(radius**2 - ahead**2)
+    way = np.array([unrolling.PACE, 0.0, height - 0.28])
+    expected = way / max(0.08, np.abs(way).max() / unrolling.LAYING)
+    np.testing.assert_allclose(moves, [expected] * 2, atol=1e-9)
+    assert grips.tolist() == [1.0, 1.0]
+    # Where it lies, they release it.
+    spread = flat()
+    last = spread.reshape(13, 11, 3)[[0, -1], -1]
+    assert entries(spread_cloth(seen(spread, last - BELOW, (1, 1))))[1].tolist() == [-1.0, -1.0]
+
+
+@fast_or_all(range(700, 708), 2)
+def test_it_spreads_cloth_and_labels_batches_as_single_states(fidelity, variations):
+    names = "full", "markov"
+    _, scores, states = play("spread_cloth", names, variations, fidelity=fidelity)
+    assert np.mean(scores) > 0.75
+    check_batches(spread_cloth, states[::7], 1e-9)
