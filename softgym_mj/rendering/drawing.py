@@ -15,7 +15,7 @@ CLEAR = 0.5  # Opacity below which a geom casts no shadow: OpenGL's shadows of g
 # Geoms of the room, below all others, cast no shadows. Software OpenGL would draw speckles on them
 # because it rounds depths differently in the shadow map and in the image.
 GROUND = ("table", "table_edge", "room")
-_GEOM = int(mujoco.mjtObj.mjOBJ_GEOM)
+_GEOM, _SITE = int(mujoco.mjtObj.mjOBJ_GEOM), int(mujoco.mjtObj.mjOBJ_SITE)
 _GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 _LIGHT = (np.arange(256) / 255.0).astype(np.float32) ** GAMMA  # Linear light of pixel values.
 
@@ -77,7 +77,7 @@ class SceneCamera(engine.Camera):
             through = 1.0 - geom.rgba[3]
             geom.rgba[3] = 1.0 - (through**2 if is_skin else through**0.5)
             is_ground = geom.objtype == _GEOM and geom.objid in self._ground
-            if is_clear or is_ground:
+            if is_clear or is_ground or geom.objtype == _SITE:  # Sites are marks, not things.
                 geom.category = mujoco.mjtCatBit.mjCAT_DECOR
 
     def surfaces(self) -> tuple[np.ndarray, np.ndarray]:

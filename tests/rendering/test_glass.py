@@ -99,6 +99,15 @@ def test_render_shows_the_goal():
     assert 0.0005 < marked.mean() < 0.05
 
 
+def test_marks_cast_no_shadows():
+    env, _ = look("pour_water_amount", variation=938)
+    marked, bare = (CameraView("task", *SIZE, marks=m).rgb(env.physics).astype(int) for m in (1, 0))
+    darker = bare - marked
+    assert (darker[..., 1] - darker[..., 0] > 20).sum() > 20  # The red bar.
+    gray = (darker.min(axis=-1) > 10) & (np.ptp(darker, axis=-1) < 15)
+    assert not gray.any()
+
+
 def test_the_outline_is_where_the_goal_is():
     """Corners of the marks, seen from straight above, against those of the goal."""
     env, _ = look("drop_cloth", observation="rgb")
