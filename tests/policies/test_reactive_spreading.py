@@ -88,6 +88,33 @@ def test_a_picker_with_a_corner_lifts_crumpled_cloth_and_the_other_one_fetches_t
     assert moves[1, 2] < 0.0  # It descends.
 
 
+def ball(held, height):
+    """Returns vertices of a cloth in a ball that hides its corners, but for a held one above it."""
+    rows, columns = Cloth(dims=DIMS, fidelity="fast").shape
+    row, column = np.divmod(np.arange(rows * columns), columns)
+    inside = np.minimum(row, rows - 1 - row) + np.minimum(column, columns - 1 - column) <= 4
+    source = np.random.default_rng(0).standard_normal((rows * columns, 3))
+    points = source / np.linalg.norm(source, axis=1)[:, None]
+    points = np.where(inside[:, None], 0.01, 0.05) * points + [0.0, 0.0, 0.06]
+    points[held] = [0.0, 0.0, height]
+    return points
+
+
+def test_a_picker_drops_cloth_whose_corners_are_hidden_when_it_is_up():
+    for height, grip in (0.3, 1.0), (0.4, -1.0):
+        points = ball(71, height)
+        moves, grips = entries(spread_cloth(seen(points, [points[71] - BELOW, AWAY[1]], (1, 0))))
+        assert grips.tolist() == [grip, -1.0] and moves[0, 2] >= 0.0
+
+
+def test_without_an_exposed_corner_one_picker_takes_the_highest_vertex():
+    points = ball(71, 0.15)
+    pickers = [points[71] + [0.0, 0.0, grasps.REACH], [0.0, -0.3, 0.3]]
+    moves, grips = entries(spread_cloth(seen(points, pickers)))
+    np.testing.assert_allclose(moves, [[0.0] * 3, [0.0, -0.05 / 0.08, 0.0]], atol=1e-9)
+    assert grips.tolist() == [1.0, -1.0]
+
+
 def test_pickers_lay_a_cloth_down_an_arc_from_its_free_edge():
     points = hanging(flat(), 0.0, 0.28)  # The first column trails 0.12 m behind the last one.
     last = points.reshape(13, 11, 3)[[0, -1], -1]
