@@ -356,7 +356,7 @@ def test_teachers_of_another_task_are_refused(teacher):
     states = torch.zeros(1, 4, 66)
     for name, words in {
         str(teacher[1]): "failed: expected actions (1, 4, 8) for observations (1, 4, 66)",
-        "softgym_mj.policies.reactive:spread_cloth": "cannot be imported",
+        "softgym_mj.policies.reactive:drop_cloth": "cannot be imported",
         "torch:logdet": "failed: expected actions (1, 4, 8) for observations (1, 4, 66)",
         "torch:zeros_like": "returns (1, 4, 66): expected actions (1, 4, 8)",
         "torch:is_tensor": "returns bool: expected actions (1, 4, 8)",
