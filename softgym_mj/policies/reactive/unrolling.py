@@ -17,8 +17,9 @@ HUNG, HIGHEST = 0.97, 0.44
 SHORTER, LOWER, CEILING = 0.92, 0.9, 0.4
 # [m] Distance along Y from the stretched side, and height below the arc, up to which it is laid.
 STRETCHED, BELOW = 0.1, 0.09
-# [m] A free edge above this height hangs in the air, if the cloth is shorter than the latter.
-AIR, SHORT = 0.08, 0.42
+# [m] A free edge above this height hangs in the air, while the held side is more than a distance
+# above the height of the cloth.
+AIR, ABOVE = 0.08, 0.02
 # [m] Distances along X of the held side from the free edge: up to which it may be raised again,
 # from which it goes on in its direction, and from which it does so even if the border is near.
 BEGUN, AHEAD, COMMITTED = 0.15, 0.1, 0.2
@@ -58,15 +59,15 @@ def unrolling(sheet: Sheet, hands: Hands) -> list[Motion]:
 
     low = (z < arc(ahead) - BELOW) & (ahead < BEGUN)
     narrow = aside > STRETCHED
-    raised = narrow | ((edge[..., 2] > AIR) & (length < SHORT)) | low
     top = xp.clip(HUNG * length, None, HIGHEST)
+    raised = narrow | ((edge[..., 2] > AIR) & (z > top + ABOVE)) | low
     top = xp.where(low & ~narrow, xp.maximum(arc(ahead), z), top)
     forward = xp.clip(x + PACE * way, -BORDER, BORDER)
     down = arc(way * (forward - edge[..., 0]))
     down = xp.where(xp.abs(forward) >= BORDER - ENDS, xp.zeros_like(down), down)
     forward = xp.where(raised, xp.clip(x, -MIDDLE, MIDDLE), forward)
     height = xp.where(raised, top, down)
-    there = (ahead > SPREAD * length) | (xp.abs(x) > BORDER - ENDS)
+    there = (ahead > SPREAD * length) | (xp.abs(x) > BORDER - 2.0 * ENDS)
     there = there & ((z < LAID) | (xp.mean(hands.centers[..., 2], axis=-1) < LOW))
     motions = []
     for i in range(2):
