@@ -147,5 +147,4 @@ def _fetched(
     )
     grasp = xp.where(second, centers[1], centers[0])
     direction = xp.where(second, directions[1], directions[0])
-    goal, near = approached(hands.centers[..., i, :], grasp, direction)
-    return goal, near & ~hands.lost[..., i]
+    return approached(hands, i, grasp, direction)

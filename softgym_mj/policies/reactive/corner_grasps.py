@@ -52,6 +52,11 @@ def corners_of(sheet: Sheet) -> Array:
     return namespace(last).stack([0 * last, columns - 1, last, last + columns - 1], axis=-1)
 
 
+def of_a_side(first: Array, second: Array) -> Array:
+    """Returns whether corners (...), 0 to 3, or -1 for none, are those of a side (...)."""
+    return (first >= 0) & (second >= 0) & (first != second) & (first + second != 3)
+
+
 def marks_of(sheet: Sheet) -> Array:
     """Returns the corners and the middles of sides (..., 8)."""
     xp, columns = namespace(sheet.columns), sheet.columns
@@ -93,14 +98,14 @@ def corner_grips(sheet: Sheet, hands: Hands) -> Grips:
     return Grips(entries(values, best), centers, directions)
 
 
-def _along(centers: Array, index: Array) -> Array:
-    """Returns centers (..., k, 3) out of (..., k, d, 3) by their indices (..., k)."""
-    return namespace(centers).take_along_axis(centers, index[..., None, None], axis=-2)[..., 0, :]
-
-
 def held_corners(sheet: Sheet, hands: Hands) -> Array:
     """Returns the corner that each picker holds, or whose vicinity, or -1 (..., 2)."""
     xp, corners = namespace(sheet.points), taken(sheet.flat, corners_of(sheet))
     ways = lengths(taken(sheet.flat, hands.held)[..., :, None, :] - corners[..., None, :, :])
     holds = hands.holds & (xp.min(ways, axis=-1) < CORNER)
     return xp.where(holds, xp.argmin(ways, axis=-1), -xp.ones_like(hands.held))
+
+
+def _along(centers: Array, index: Array) -> Array:
+    """Returns centers (..., k, 3) out of (..., k, d, 3) by their indices (..., k)."""
+    return namespace(centers).take_along_axis(centers, index[..., None, None], axis=-2)[..., 0, :]

@@ -141,6 +141,13 @@ def find_grasps(sheet: Sheet, hands: Hands) -> Grasps:
     )  # fmt: skip
 
 
+def middle(sheet: Sheet, chosen: Array) -> Array:
+    """Returns the mean position (..., 3) [m] of chosen vertices (..., n)."""
+    xp = namespace(sheet.points)
+    counts = xp.astype(sheet.present & chosen, sheet.points.dtype)
+    return xp.sum(sheet.points * counts[..., None], axis=-2) / xp.sum(counts, axis=-1)[..., None]
+
+
 def _candidates(sheet: Sheet) -> Array:
     """Returns vertices (..., 2 k): k for the end in row 0, then k for the other one."""
     xp = namespace(sheet.points)
@@ -183,13 +190,23 @@ def clearances(
         steps: steps in the grid up to which vertices do not count as others.
     """
     points, directions = sheet.points, constant(DIRECTIONS, sheet.points)
-    xp, (x, y) = namespace(points), edges
-    low, high = (constant(end, points) for end in ([-x, -y, FLOOR], [x, y, TOP]))
-    chosen = taken(points, vertices)[..., None, :]
-    centers = xp.maximum(xp.minimum(chosen + REACH * directions, high), low)
+    xp, chosen = namespace(points), taken(points, vertices)[..., None, :]
+    centers = bounded(chosen + REACH * directions, edges)
     distance = lengths(centers - chosen)
     clear = xp.clip(_nearest(sheet, vertices, centers, steps) - distance, None, CLEAR)
     return centers, xp.where(distance > LIMIT, xp.full_like(clear, -1.0), clear)
+
+
+def bounded(centers: Array, edges: tuple[float, float]) -> Array:
+    """Returns picker centers (..., 3) [m] within the workspace.
+
+    Args:
+        centers: (..., 3) [m].
+        edges: farthest ones along X and Y [m].
+    """
+    xp, (x, y) = namespace(centers), edges
+    low, high = (constant(end, centers) for end in ([-x, -y, FLOOR], [x, y, TOP]))
+    return xp.maximum(xp.minimum(centers, high), low)
 
 
 def facings(hands: Hands, places: Array) -> Array:

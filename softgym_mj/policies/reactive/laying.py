@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from softgym_mj.metrics import Array, namespace, taken
-from softgym_mj.policies.reactive.grasps import FLOOR, TOP, Sheet
+from softgym_mj.policies.reactive.grasps import FLOOR, TOP, Sheet, middle
 from softgym_mj.policies.reactive.hands import Hands
 from softgym_mj.policies.reactive.motions import at
 
@@ -87,6 +87,4 @@ def _edges(sheet: Sheet) -> Array:
     """Returns the mean position (..., 3) [m] of the first and the last column."""
     xp = namespace(sheet.points)
     x = xp.abs(sheet.flat[..., 0])
-    outer = sheet.present & (x > sheet.size[..., :1] / 2 - 0.005)
-    counts = xp.astype(outer, sheet.points.dtype)
-    return xp.sum(sheet.points * counts[..., None], axis=-2) / xp.sum(counts, axis=-1)[..., None]
+    return middle(sheet, x > sheet.size[..., :1] / 2 - 0.005)

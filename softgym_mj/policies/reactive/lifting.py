@@ -2,8 +2,8 @@
 
 from softgym_mj.metrics import Array, constant, lengths, namespace
 from softgym_mj.policies.reactive.approach import approached
-from softgym_mj.policies.reactive.corner_grasps import EXPOSED, corner_grips
-from softgym_mj.policies.reactive.grasps import REACH, TOP, Sheet
+from softgym_mj.policies.reactive.corner_grasps import EXPOSED, corner_grips, of_a_side
+from softgym_mj.policies.reactive.grasps import REACH, TOP, Sheet, entry
 from softgym_mj.policies.reactive.hands import Hands, point_at
 from softgym_mj.policies.reactive.motions import Motion, at, either, opened
 
@@ -34,19 +34,17 @@ def lifting(sheet: Sheet, hands: Hands, corners: Array) -> list[Motion]:
     wanted = _wanted(found.values, corners, ~holds[..., 0] & ~holds[..., 1])
     top = xp.where(sheet.present, sheet.points[..., 2], -xp.ones_like(sheet.points[..., 2]))
     highest = point_at(sheet.points, xp.argmax(top, axis=-1))
-    up = xp.zeros_like(highest) + constant([0.0, 0.0, 1.0], highest)
+    up = constant([0.0, 0.0, 1.0], highest)
     motions = []
     for i in range(2):
         center, (index, value) = hands.centers[..., i, :], wanted[i]
         full, hidden = xp.ones_like(value), value <= EXPOSED
         grasp, direction = found.best(i, index)
-        goal, near = approached(center, grasp, direction)
-        fetch = Motion(goal, near & ~hands.lost[..., i], full)
+        fetch = Motion(*approached(hands, i, grasp, direction), full)
         beside = grasp[..., :2] + BESIDE * _direction(center - grasp)
         beside = opened(at(beside, xp.clip(grasp[..., 2], OVER, None)))
         if i == 0:
-            goal, near = approached(center, highest + REACH * up, up)
-            alone = Motion(goal, near & ~hands.lost[..., i], full)
+            alone = Motion(*approached(hands, i, highest + REACH * up, up), full)
         else:
             away = ASIDE * xp.sign(center - hands.centers[..., 0, :])
             alone = opened(at((center + away)[..., :2], WAITING * full))
@@ -71,10 +69,10 @@ def _wanted(values: Array, corners: Array, both: Array) -> list[tuple[Array, Arr
     side, wanted = xp.argmax(xp.stack(sums, axis=-1), axis=-1), []
     for i in range(2):
         value, other = values[..., i, :], corners[..., 1 - i, None]
-        barred = (other >= 0) & ((number == other) | (number + other == 3))
+        barred = (other >= 0) & ~of_a_side(number, other)
         index = xp.argmax(xp.where(barred, xp.full_like(value, -xp.inf), value), axis=-1)
         index = xp.where(both, constant([each[i] for each in SIDES], values)[side], index)
-        wanted.append((index, point_at(value[..., None], index)[..., 0]))
+        wanted.append((index, entry(value, index)))
     return wanted
 
 

@@ -39,21 +39,20 @@ def mending(sheet: Sheet, hands: Hands, fit: Fit) -> tuple[list[Motion], Array]:
     moves = xp.any(hands.holds & off, axis=-1) | xp.any(xp.any(able, axis=-1), axis=-1)
     near, present = (xp.astype(each, away.dtype) for each in (fit.errors < NEAR, sheet.present))
     share, motions = mean(near, present), []
-    other, taken_one = held[..., 1, :], hands.holds[..., 1]
+    other, occupied = held[..., 1, :], hands.holds[..., 1]
     for i in range(2):
         center, full = hands.centers[..., i, :], xp.ones_like(share)
-        close = taken_one[..., None] & (lengths(flat - other[..., None, :]) < APART)
+        close = occupied[..., None] & (lengths(flat - other[..., None, :]) < APART)
         value = xp.where(close, xp.full_like(away, -xp.inf), values[..., i, :])
         index, fetches = xp.argmax(value, axis=-1), xp.max(value, axis=-1) > -xp.inf
-        goal, ready = approached(center, *found.best(i, index))
-        fetch = Motion(goal, ready & ~hands.lost[..., i], full)
+        fetch = Motion(*approached(hands, i, *found.best(i, index)), full)
         free = either(fetches, fetch, opened(at(center[..., :2], REST * full)))
         drag = _dragged(hands, i, places[..., i, :] - hands.places[..., i, :2])
         motions.append(either(hands.holds[..., i], drag, free))
         # The second picker keeps off what the first one holds or fetches.
         holds = hands.holds[..., 0]
         other = xp.where(holds[..., None], held[..., 0, :], point_at(flat, index))
-        taken_one = holds | fetches
+        occupied = holds | fetches
     return motions, (share > FLAT) & (moves | (share >= GOOD))
 
 

@@ -1,7 +1,7 @@
 """How two pickers lay down a cloth that hangs from a side, so that it is spread."""
 
 from softgym_mj.metrics import Array, lengths, namespace, taken
-from softgym_mj.policies.reactive.grasps import FLOOR, TOP, Sheet
+from softgym_mj.policies.reactive.grasps import Sheet, middle
 from softgym_mj.policies.reactive.hands import Hands
 from softgym_mj.policies.reactive.motions import Motion, at
 
@@ -73,8 +73,7 @@ def unrolling(sheet: Sheet, hands: Hands) -> list[Motion]:
     for i in range(2):
         move = xp.stack([forward, sides[..., i]], axis=-1) - places[..., i, :2]
         center = hands.centers[..., i, :]
-        level = xp.clip(center[..., 2] + height - places[..., i, 2], FLOOR, TOP)
-        goal = at(center[..., :2] + move, level)
+        goal = at(center[..., :2] + move, center[..., 2] + height - places[..., i, 2])
         motions.append(Motion(goal, narrow | ~there, LAYING * one))
     return motions
 
@@ -93,6 +92,4 @@ def _free_edge(sheet: Sheet, ends: Array, width: Array) -> tuple[Array, Array]:
     away = xp.abs(away[..., 0] * across[..., None, 1] - away[..., 1] * across[..., None, 0])
     away = xp.where(sheet.present, away, xp.zeros_like(away))
     length = xp.max(away, axis=-1)
-    counts = xp.astype(sheet.present & (away > length[..., None] - FREE), away.dtype)
-    total = xp.sum(sheet.points * counts[..., None], axis=-2)
-    return total / xp.sum(counts, axis=-1)[..., None], length
+    return middle(sheet, away > length[..., None] - FREE), length
