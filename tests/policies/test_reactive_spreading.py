@@ -6,24 +6,10 @@ import pytest
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.policies.reactive import grasps, lifting, mending, spread_cloth, unrolling
 from softgym_mj.policies.reactive.flat_fit import flat_fit
+from tests.policies.reactive_cloths import BELOW, DIMS, flat, seen
 from tests.policies.reactive_episodes import check_batches, entries, fast_or_all, play
 
-DIMS = (65, 81)  # 0.4 m by 0.5 m: 13 rows and 11 columns.
-BELOW = [0.0, 0.0, -0.05]  # [m] Offset of a held vertex.
 AWAY = [[0.2, 0.3, 0.3], [-0.2, -0.3, 0.3]]
-
-
-def flat():
-    """Returns vertices (n, 3) [m] of a flat cloth."""
-    return Cloth(dims=DIMS, fidelity="fast").flat()
-
-
-def seen(points, pickers, held=(0, 0)):
-    """Returns "full" and "markov" of vertices, pickers that hold them at `BELOW`, and grips."""
-    corners = points[Cloth(dims=DIMS, fidelity="fast").corners]
-    grips = [[grip, *(BELOW if grip == 1 else np.zeros(3))] for grip in held]
-    parts = points, np.zeros((20, 3)), pickers, corners, pickers, grips
-    return np.concatenate([np.ravel(part) for part in parts])
 
 
 def moved(points, angle, way):
