@@ -216,6 +216,7 @@ def _teacher(name: str, trust: bool) -> dict[str, Any]:
     """Returns settings of distill for a teacher, and the actor that a file was trained with."""
     from softgym_mj.policies.exported import SUFFIX, has_images, observes
     from softgym_mj.policies.saved import imported
+    from softgym_mj.tasks.shared.observations import names_of
 
     if ":" in name:
         function = imported(name, "teacher")
@@ -230,7 +231,7 @@ def _teacher(name: str, trust: bool) -> dict[str, Any]:
         )
     note = observes(file)
     observed = note.get("observation", "markov")
-    if not isinstance(observed, str) or has_images([observed]):
+    if has_images(observed):
         raise InvalidArgumentError("teacher", name, f"a state policy; this one observes {observed}")
     acting = {"actor": note["actor"]} if "actor" in note else {}
-    return {"teacher": file, "privileged": observed, **acting}
+    return {"teacher": file, "privileged": "+".join(names_of(observed)), **acting}

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from gymnasium.spaces import Box
 
 import softgym_mj
 from softgym_mj.cli import training
@@ -13,6 +14,7 @@ from softgym_mj.learning.methods.distill import LABEL, Distill, DistillSettings
 from softgym_mj.learning.methods.students import Student, chosen
 from softgym_mj.learning.registry import find_method
 from softgym_mj.learning.symmetries import symmetries
+from softgym_mj.policies.exported import export_policy
 from softgym_mj.policies.reactive import rope_configuration
 
 SIZE = 35
@@ -259,6 +261,30 @@ def test_a_saved_teacher_labels_batches(teacher):
     torch.testing.assert_close(
         learner._teacher(states[None])[0], module(states), rtol=1e-5, atol=1e-6
     )
+
+
+class _Two(torch.nn.Module):
+    """A policy of two observations, by name."""
+
+    def forward(self, seen):
+        return torch.cat([seen["held"], seen["markov"][:, :6].tanh()], -1)
+
+
+def test_a_saved_teacher_of_several_observations_labels_batches(tmp_path):
+    file, names = tmp_path / "teacher.pt2", ("markov", "held")
+    shapes = {"markov": (44,), "held": (2,), "rgb": (SIZE, SIZE, 3)}
+    spaces = {name: Box(-1.0, 1.0, shapes[name]) for name in names}
+    file.write_bytes(export_policy(_Two(), spaces, {"observation": [*names], "actor": "franka"}))
+    settings = training._teacher(str(file), True)
+    assert settings == {"teacher": str(file), "privileged": "markov+held", "actor": "franka"}
+    result = find_method("distill", teacher=str(file), privileged="markov+held", **SMALL)
+    learner = result.make(
+        result.settings,
+        Problem("straighten_rope", {}, [0], 4, (), 8, 1.0, "cpu", "rgb", shapes, 100),
+    )
+    states = torch.randn(2, 9, 46)
+    expected = torch.cat([states[..., 44:], states[..., :6].tanh()], -1)
+    torch.testing.assert_close(learner._teacher(states), expected)
 
 
 def test_a_policy_acts_as_its_student_with_half_the_bytes():

@@ -226,12 +226,14 @@ def make(settings: DistillSettings, problem: Problem) -> Distill:
     if not settings.teacher:
         valid = "--teacher FILE.pt2 or MODULE:FUNCTION, and --trust; teacher_student needs none"
         raise InvalidArgumentError("teacher", settings.teacher, valid)
-    return Distill(settings, problem, _checked(settings.teacher, problem))
+    return Distill(settings, problem, _checked(settings, problem))
 
 
-def _checked(name: str, problem: Problem) -> Callable[[Tensor], Tensor]:
+def _checked(settings: DistillSettings, problem: Problem) -> Callable[[Tensor], Tensor]:
     """Returns a teacher that raises `InvalidArgumentError` unless it can label a problem."""
-    teacher = _teacher(name, problem.device)
+    name = settings.teacher
+    sizes = {each: problem.shapes[each][0] for each in settings.privileged.split("+")}
+    teacher = _teacher(name, sizes, problem.device)
 
     def labels(states: Tensor) -> Tensor:
         shape = tuple(states.shape)
@@ -250,15 +252,23 @@ def _checked(name: str, problem: Problem) -> Callable[[Tensor], Tensor]:
     return labels
 
 
-def _teacher(name: str, device: str) -> Callable[[Tensor], Tensor]:
-    """Returns a function from privileged observations (seeds, n, k) to actions."""
+def _teacher(name: str, sizes: Mapping[str, int], device: str) -> Callable[[Tensor], Tensor]:
+    """Returns a function from privileged observations (seeds, n, k) to actions.
+
+    Args:
+        name: the file or function.
+        sizes: Numbers of each observation, of which k are the sum.
+        device: PyTorch device.
+    """
     if ":" in name:
         return imported(name, "teacher")
     exported = torch.export.load(io.BytesIO(read_whole(name)))
-    # A file has a policy of a single observation: vmap makes it one of many.
+    # A file has a policy of a single environment: vmap makes it one of many.
     teacher = torch.func.vmap(move_to_device_pass(exported, device).module())
 
     def labels(states: Tensor) -> Tensor:
-        return teacher(states.flatten(0, 1)[:, None])[:, 0].unflatten(0, states.shape[:2])
+        parts = states.flatten(0, 1)[:, None].split([*sizes.values()], -1)
+        seen = parts[0] if len(parts) == 1 else dict(zip(sizes, parts, strict=True))
+        return teacher(seen)[:, 0].unflatten(0, states.shape[:2])
 
     return labels
