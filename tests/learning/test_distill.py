@@ -267,13 +267,13 @@ class _Two(torch.nn.Module):
     """A policy of two observations, by name."""
 
     def forward(self, seen):
-        return torch.cat([seen["held"], seen["markov"][:, :6].tanh()], -1)
+        return torch.cat([0.5 * seen["held"], seen["markov"][:, :6].tanh()], -1)
 
 
 def test_a_saved_teacher_of_several_observations_labels_batches(tmp_path):
     file, names = tmp_path / "teacher.pt2", ("markov", "held")
     shapes = {"markov": (44,), "held": (2,), "rgb": (SIZE, SIZE, 3)}
-    spaces = {name: Box(-1.0, 1.0, shapes[name]) for name in names}
+    spaces = {"markov": Box(-1.0, 1.0, (44,)), "held": Box(0, 1, (2,), np.uint8)}
     file.write_bytes(export_policy(_Two(), spaces, {"observation": [*names], "actor": "franka"}))
     settings = training._teacher(str(file), True)
     assert settings == {"teacher": str(file), "privileged": "markov+held", "actor": "franka"}
@@ -282,8 +282,9 @@ def test_a_saved_teacher_of_several_observations_labels_batches(tmp_path):
         result.settings,
         Problem("straighten_rope", {}, [0], 4, (), 8, 1.0, "cpu", "rgb", shapes, 100),
     )
-    states = torch.randn(2, 9, 46)
-    expected = torch.cat([states[..., 44:], states[..., :6].tanh()], -1)
+    states, held = torch.randn(2, 9, 44), torch.randint(0, 2, (2, 9, 2), dtype=torch.uint8)
+    expected = torch.cat([0.5 * held, states[..., :6].tanh()], -1)
+    states = torch.cat([states, held], -1)
     torch.testing.assert_close(learner._teacher(states), expected)
 
 

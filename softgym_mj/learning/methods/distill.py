@@ -7,7 +7,7 @@ student is fitted to the labels of the newest env steps.
 import copy
 import dataclasses
 import io
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import torch
@@ -232,8 +232,7 @@ def make(settings: DistillSettings, problem: Problem) -> Distill:
 def _checked(settings: DistillSettings, problem: Problem) -> Callable[[Tensor], Tensor]:
     """Returns a teacher that raises `InvalidArgumentError` unless it can label a problem."""
     name = settings.teacher
-    sizes = {each: problem.shapes[each][0] for each in settings.privileged.split("+")}
-    teacher = _teacher(name, sizes, problem.device)
+    teacher = _teacher(name, settings.privileged.split("+"), problem.device)
 
     def labels(states: Tensor) -> Tensor:
         shape = tuple(states.shape)
@@ -252,14 +251,8 @@ def _checked(settings: DistillSettings, problem: Problem) -> Callable[[Tensor], 
     return labels
 
 
-def _teacher(name: str, sizes: Mapping[str, int], device: str) -> Callable[[Tensor], Tensor]:
-    """Returns a function from privileged observations (seeds, n, k) to actions.
-
-    Args:
-        name: the file or function.
-        sizes: Numbers of each observation, of which k are the sum.
-        device: PyTorch device.
-    """
+def _teacher(name: str, names: Sequence[str], device: str) -> Callable[[Tensor], Tensor]:
+    """Returns a function from observations of these names, joined (seeds, n, k), to actions."""
     if ":" in name:
         return imported(name, "teacher")
     exported = torch.export.load(io.BytesIO(read_whole(name)))
@@ -267,8 +260,13 @@ def _teacher(name: str, sizes: Mapping[str, int], device: str) -> Callable[[Tens
     teacher = torch.func.vmap(move_to_device_pass(exported, device).module())
 
     def labels(states: Tensor) -> Tensor:
-        parts = states.flatten(0, 1)[:, None].split([*sizes.values()], -1)
-        seen = parts[0] if len(parts) == 1 else dict(zip(sizes, parts, strict=True))
+        seen: Any = states.flatten(0, 1)[:, None]
+        if len(names) > 1:  # By name, each of its own type.
+            (example,), _ = exported.example_inputs
+            parts = seen.split([example[each].shape[-1] for each in names], -1)
+            seen = {
+                each: part.to(example[each].dtype) for each, part in zip(names, parts, strict=True)
+            }
         return teacher(seen)[:, 0].unflatten(0, states.shape[:2])
 
     return labels
