@@ -117,9 +117,31 @@ def test_pickers_lay_a_cloth_down_an_arc_from_its_free_edge():
     assert entries(spread_cloth(seen(spread, last - BELOW, (1, 1))))[1].tolist() == [-1.0, -1.0]
 
 
+def exchanged(states):
+    """Returns states ("full", "markov") (n, k) with exchanged pickers."""
+    full, markov = np.split(states, [states.shape[1] - 26], axis=1)
+    centers, grips = markov[:, 12:18].reshape(-1, 2, 3), markov[:, 18:].reshape(-1, 2, 4)
+    other = [each[:, ::-1].reshape(len(states), -1) for each in (centers, grips)]
+    return np.concatenate([full[:, :-6], other[0], markov[:, :12], *other], axis=1)
+
+
+def reflected(states):
+    """Returns states ("full", "markov") (n, k) at the plane Y = 0."""
+    points, grips = np.split(states, [states.shape[1] - 8], axis=1)
+    points = points.reshape(len(states), -1, 3) * [1.0, -1.0, 1.0]
+    grips = grips.reshape(-1, 2, 4) * [1.0, 1.0, -1.0, 1.0]
+    return np.concatenate([each.reshape(len(states), -1) for each in (points, grips)], axis=1)
+
+
 @fast_or_all(range(700, 708), 2)
 def test_it_spreads_cloth_and_labels_batches_as_single_states(fidelity, variations):
     names = "full", "markov"
     _, scores, states = play("spread_cloth", names, variations, fidelity=fidelity)
     assert np.mean(scores) > 0.75
     check_batches(spread_cloth, states[::7], 1e-9)
+    # Students may learn from exchanged pickers and reflected states.
+    labels = spread_cloth(states).reshape(-1, 2, 4)
+    np.testing.assert_array_equal(spread_cloth(exchanged(states)), labels[:, ::-1].reshape(-1, 8))
+    labels = (labels * [1.0, -1.0, 1.0, 1.0]).reshape(-1, 8)
+    same = np.abs(spread_cloth(reflected(states)) - labels).max(axis=-1) < 1e-6
+    assert same.mean() > 0.99  # Equal values of two grasps are decided by their order.

@@ -19,7 +19,7 @@ def lifting(sheet: Sheet, hands: Hands, corners: Array) -> list[Motion]:
     """Returns motions that end when both pickers hold corners of a side.
 
     A picker that holds the cloth lifts it while the other one fetches a corner, the next one if it
-    holds a corner. If none is exposed, it drops the cloth; if no picker holds it, the first one
+    holds a corner. If none is exposed, it drops the cloth; if no picker holds it, the nearer one
     takes the highest vertex.
 
     Args:
@@ -28,12 +28,16 @@ def lifting(sheet: Sheet, hands: Hands, corners: Array) -> list[Motion]:
         corners: corner that each holds, or -1 (..., 2).
     """
     xp, found = namespace(sheet.points), corner_grips(sheet, hands)
-    holds = hands.holds
-    first = holds[..., 0] & (~holds[..., 1] | (corners[..., 0] >= 0) | (corners[..., 1] < 0))
+    holds, heights = hands.holds, hands.centers[..., 2]
+    alike = (corners[..., 0] >= 0) == (corners[..., 1] >= 0)
+    better = xp.where(alike, heights[..., 0] >= heights[..., 1], corners[..., 0] >= 0)
+    first = holds[..., 0] & (~holds[..., 1] | better)
     keeps = first, holds[..., 1] & ~first
     wanted = _wanted(found.values, corners, ~holds[..., 0] & ~holds[..., 1])
-    top = xp.where(sheet.present, sheet.points[..., 2], -xp.ones_like(sheet.points[..., 2]))
-    highest = point_at(sheet.points, xp.argmax(top, axis=-1))
+    levels = xp.where(sheet.present, sheet.points[..., 2], -xp.ones_like(sheet.points[..., 2]))
+    highest = point_at(sheet.points, xp.argmax(levels, axis=-1))
+    ways = lengths((hands.centers - highest[..., None, :])[..., :2])
+    nearer = ways[..., 0] <= ways[..., 1]
     up = constant([0.0, 0.0, 1.0], highest)
     motions = []
     for i in range(2):
@@ -43,11 +47,10 @@ def lifting(sheet: Sheet, hands: Hands, corners: Array) -> list[Motion]:
         fetch = Motion(*approached(hands, i, grasp, direction), full)
         beside = grasp[..., :2] + BESIDE * _direction(center - grasp)
         beside = opened(at(beside, xp.clip(grasp[..., 2], OVER, None)))
-        if i == 0:
-            alone = Motion(*approached(hands, i, highest + REACH * up, up), full)
-        else:
-            away = ASIDE * xp.sign(center - hands.centers[..., 0, :])
-            alone = opened(at((center + away)[..., :2], WAITING * full))
+        away = ASIDE * xp.sign(center - hands.centers[..., 1 - i, :])
+        aside = opened(at((center + away)[..., :2], WAITING * full))
+        top = Motion(*approached(hands, i, highest + REACH * up, up), full)
+        alone = either(nearer if i == 0 else ~nearer, top, aside)
         free = either(hidden, either(keeps[1 - i], beside, alone), fetch)
         in_vain = ~holds[..., 1 - i] & (wanted[1 - i][1] <= EXPOSED)
         goal = at(center[..., :2] * constant([0.0, 0.5], center), TOP * full)

@@ -39,20 +39,23 @@ def mending(sheet: Sheet, hands: Hands, fit: Fit) -> tuple[list[Motion], Array]:
     moves = xp.any(hands.holds & off, axis=-1) | xp.any(xp.any(able, axis=-1), axis=-1)
     near, present = (xp.astype(each, away.dtype) for each in (fit.errors < NEAR, sheet.present))
     share, motions = mean(near, present), []
-    other, occupied = held[..., 1, :], hands.holds[..., 1]
-    for i in range(2):
+    # The picker with the better grasp chooses first. The other one keeps off its vertex, and both
+    # off what the other one holds.
+    best, index = xp.max(values, axis=-1), xp.argmax(values, axis=-1)
+    first = best[..., 0] >= best[..., 1]
+    for i, chooses in enumerate((first, ~first)):
         center, full = hands.centers[..., i, :], xp.ones_like(share)
-        close = occupied[..., None] & (lengths(flat - other[..., None, :]) < APART)
+        occupied = hands.holds[..., 1 - i]
+        fetched = point_at(flat, index[..., 1 - i])
+        other = xp.where(occupied[..., None], held[..., 1 - i, :], fetched)
+        beside = lengths(flat - other[..., None, :]) < APART
+        close = (occupied | ~chooses)[..., None] & beside
         value = xp.where(close, xp.full_like(away, -xp.inf), values[..., i, :])
-        index, fetches = xp.argmax(value, axis=-1), xp.max(value, axis=-1) > -xp.inf
-        fetch = Motion(*approached(hands, i, *found.best(i, index)), full)
+        chosen, fetches = xp.argmax(value, axis=-1), xp.max(value, axis=-1) > -xp.inf
+        fetch = Motion(*approached(hands, i, *found.best(i, chosen)), full)
         free = either(fetches, fetch, opened(at(center[..., :2], REST * full)))
         drag = _dragged(hands, i, places[..., i, :] - hands.places[..., i, :2])
         motions.append(either(hands.holds[..., i], drag, free))
-        # The second picker keeps off what the first one holds or fetches.
-        holds = hands.holds[..., 0]
-        other = xp.where(holds[..., None], held[..., 0, :], point_at(flat, index))
-        occupied = holds | fetches
     return motions, (share > FLAT) & (moves | (share >= GOOD))
 
 
