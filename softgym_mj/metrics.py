@@ -63,7 +63,7 @@ def constant(values: Any, like: Array) -> Array:
     Copies on a device are cached.
     """
     numbers = np.asarray(values)
-    if isinstance(like, np.ndarray):
+    if isinstance(like, np.ndarray | np.generic):
         return numbers
     return _constant(numbers.tobytes(), numbers.shape, numbers.dtype, like.device)
 

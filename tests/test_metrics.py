@@ -352,3 +352,10 @@ def test_a_reward_of_several_terms_has_the_same_bits_in_a_batch():
     terms = {"a": 1e16, "b": 1.0, "c": -1e16}  # Rounded after each addition: 0, not 1.
     batch = {name: np.array([value]) for name, value in terms.items()}
     assert metrics.Measures(0.0, terms).reward == metrics.Measures(0.0, batch).reward[0] == 0.0
+
+
+@pytest.mark.parametrize("like", [np.zeros(3), np.float64(0.0), torch.zeros(3)])
+def test_constants_are_of_the_library_of_an_array_or_a_scalar(like):
+    found = metrics.constant([0.5, 2.0], like)
+    assert isinstance(found, torch.Tensor if isinstance(like, torch.Tensor) else np.ndarray)
+    assert found.tolist() == [0.5, 2.0]
