@@ -72,6 +72,11 @@ def test_a_picker_with_a_corner_lifts_crumpled_cloth_and_the_other_one_fetches_t
     np.testing.assert_allclose(moves[0], lifting.LIFTING * way / np.abs(way).max(), atol=1e-9)
     assert grips.tolist() == [1.0, -1.0]
     assert moves[1, 2] < 0.0  # It descends.
+    points[0] = [0.3, -0.2, 0.006]  # Exposed, beside all others.
+    moves, grips = entries(spread_cloth(seen(points, [corner - BELOW, AWAY[1]], (1, 0))))
+    np.testing.assert_allclose(moves[0], lifting.SLOWLY * way / np.abs(way).max(), atol=1e-9)
+    assert grips.tolist() == [1.0, -1.0]
+    assert moves[1, 0] == 1.0  # At full speed.
 
 
 def ball(held, height):

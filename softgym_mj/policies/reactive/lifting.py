@@ -7,7 +7,9 @@ from softgym_mj.policies.reactive.grasps import REACH, TOP, Sheet, entry
 from softgym_mj.policies.reactive.hands import Hands, point_at
 from softgym_mj.policies.reactive.motions import Motion, at, either, opened
 
-LIFTING = 0.8  # Fraction of full speed.
+# Fractions of full speed at which cloth is lifted, and while the other picker fetches an exposed
+# corner: it would chase the corner, which imitators do not learn.
+LIFTING, SLOWLY = 0.8, 0.1
 DROPPED = 0.43  # [m] Height of a picker from which it drops the cloth.
 # [m] Free pickers wait at a height, aside, while the other one takes the highest vertex; or over
 # and beside a corner that is hidden, until the other one has lifted it.
@@ -52,9 +54,10 @@ def lifting(sheet: Sheet, hands: Hands, corners: Array) -> list[Motion]:
         top = Motion(*approached(hands, i, highest + REACH * up, up), full)
         alone = either(nearer if i == 0 else ~nearer, top, aside)
         free = either(hidden, either(keeps[1 - i], beside, alone), fetch)
-        in_vain = ~holds[..., 1 - i] & (wanted[1 - i][1] <= EXPOSED)
+        single, shown = ~holds[..., 1 - i], wanted[1 - i][1] > EXPOSED
         goal = at(center[..., :2] * constant([0.0, 0.5], center), TOP * full)
-        lift = Motion(goal, ~(in_vain & (center[..., 2] >= DROPPED)), LIFTING * full)
+        pace = xp.where(single & shown, SLOWLY * full, LIFTING * full)
+        lift = Motion(goal, ~(single & ~shown & (center[..., 2] >= DROPPED)), pace)
         motions.append(either(keeps[i], lift, either(holds[..., i], opened(center), free)))
     return motions
 
