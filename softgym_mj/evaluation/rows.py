@@ -15,6 +15,7 @@ from softgym_mj.exceptions import InvalidArgumentError, SimulationError
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.policies.saved import SUFFIX
 from softgym_mj.registry import find
+from softgym_mj.rendering.observables import blank_images
 from softgym_mj.tasks.shared.observations import names_of
 from softgym_mj.vector.base import VectorEnv
 from softgym_mj.vector.batch.backend import BatchBackend
@@ -78,7 +79,8 @@ def play_rows(
     numbers = play_each(envs, act, variations)
     for i in np.flatnonzero(numbers["diverged"]).tolist():
         raise SimulationError(f"variation {variations[i]} of {task} has diverged")
-    example.dm_env.reset(variations[0])
+    with blank_images():  # A machine that renders by the batch may lack OpenGL.
+        example.dm_env.reset(variations[0])
     secondary = tuple(example.dm_env.task.last_secondary_metrics)
     envs.close()
     names = ("normalized_performance", "performance", "success", "return")

@@ -17,10 +17,11 @@ from softgym_mj import evaluation
 from softgym_mj.cli import commands
 from softgym_mj.cli import evaluation as cli_evaluation
 from softgym_mj.evaluation import Configuration, Planning, evaluate, running
-from softgym_mj.exceptions import InvalidArgumentError, StoreError
+from softgym_mj.exceptions import InvalidArgumentError, StoreError, UnavailableError
 from softgym_mj.parallel.executors import ProcessExecutor, RayExecutor
 from softgym_mj.policies.exported import export_policy
 from softgym_mj.policies.factory import make_policy
+from softgym_mj.rendering.offscreen import CameraView
 from softgym_mj.vector.batch.backend import BatchBackend
 from tests.command import output_of
 
@@ -242,6 +243,18 @@ def test_a_folder_has_episodes_of_one_renderer(tmp_path):
     assert evaluate(configuration, tmp_path) == result and result["renderer"] == "OpenGL"
     with pytest.raises(StoreError, match="different renderer"):
         evaluate(configuration, tmp_path, device="host")
+
+
+def test_images_of_a_device_need_no_opengl(tmp_path, monkeypatch):
+    def refuse(*arguments):
+        raise UnavailableError("there is no OpenGL")
+
+    configuration = dataclasses.replace(SIMPLE, policy="zero", seeds=(0,))
+    expected = evaluate(configuration, tmp_path / "states", device="host")
+    settings = {**SHORT, "observation": "rgb", "image_size": [16, 16]}
+    seeing = dataclasses.replace(configuration, settings=settings)
+    monkeypatch.setattr(CameraView, "_render", refuse)
+    assert evaluate(seeing, tmp_path / "images", device="host")["episodes"] == expected["episodes"]
 
 
 @pytest.mark.parametrize("names_its_observation", [False, True])
