@@ -29,9 +29,9 @@ def problem(seeds=(0,), num_envs=16, env_steps=16_000):
     )  # fmt: skip
 
 
-def _teacher(states):
+def _teacher(seen):
     """To the middle, from places in -1..1."""
-    return -0.8 * states
+    return -0.8 * seen["markov"]
 
 
 def seen_at(places):
@@ -98,13 +98,17 @@ def test_chosen_actions_are_means_in_the_window_that_holds_the_most():
         assert found.item() == pytest.approx(expected, rel=1e-5)
 
 
+def _signed(seen):
+    return 0.6 * seen["markov"].sign()
+
+
 @pytest.mark.parametrize("bins", [0, 21])
 def test_students_with_bins_choose_one_of_two_labels_where_others_average(bins):
     """Labels have a sign that a student does not observe, 0.6 in two thirds and -0.6 in a third."""
     settings = DistillSettings(
         **SMALL, bins=bins, rate=3e-3, updates=8, batch=64, noise=0.0, wild_noise=0.0
     )
-    learner = Distill(settings, problem(num_envs=48, env_steps=48 * 40), lambda s: 0.6 * s.sign())
+    learner = Distill(settings, problem(num_envs=48, env_steps=48 * 40), _signed)
     signs = torch.where(torch.arange(48) % 3 > 0, 1.0, -1.0)[None, :, None]
     hidden = seen_at(torch.zeros(1, 48, 1))
     first = torch.ones(1, 48, dtype=bool)
@@ -126,7 +130,7 @@ def test_steps_are_shown_by_symmetries_with_their_labels():
     learner = Distill(
         DistillSettings(**{**SMALL, "batch": 200}, symmetric=True),
         Problem("drop_cloth", {}, (0,), 1, (), 8, 1.0, "cpu", observed, shapes, 100),
-        lambda states: states[..., :8],
+        lambda seen: seen["markov"][..., :8],
     )
     source = np.random.default_rng(0)
     seen = {name: source.normal(size=number) for name, number in size.items()}
@@ -202,7 +206,7 @@ def test_the_teacher_acts_in_fewer_and_fewer_environments(until, driven):
     result = []
     for _ in range(6):
         action = _step(learner, places, first)
-        result.append((action - _teacher(places)).abs().flatten() < 1e-6)
+        result.append((action - _teacher({"markov": places})).abs().flatten() < 1e-6)
         first = torch.zeros(1, 16, dtype=bool)
     assert [int(each.sum()) for each in result] == driven
     assert result[0][:12].all()
@@ -222,7 +226,7 @@ def test_the_rate_rises_then_falls():
 def test_gradients_are_scaled_to_the_largest_norm():
     first = torch.ones(1, 16, dtype=bool)
     settings = DistillSettings(**SMALL, updates=1, batch=4, gradient_norm=1e-3)
-    learner = Distill(settings, problem(), lambda s: 0.0 * s + 1.0)
+    learner = Distill(settings, problem(), lambda seen: 0.0 * seen["markov"] + 1.0)
     _step(learner, torch.zeros(1, 16, 1), first)
     squares = [p.grad.square().sum() for p in learner.students[0].parameters()]
     assert torch.stack(squares).sum().sqrt().item() == pytest.approx(1e-3, rel=1e-3)
@@ -230,7 +234,9 @@ def test_gradients_are_scaled_to_the_largest_norm():
 
 def test_noise_is_larger_in_an_eighth():
     settings = DistillSettings(**SMALL, updates=1, batch=4, noise=0.05, wild_noise=0.2)
-    learner = Distill(settings, problem(num_envs=1_600, env_steps=1_600), lambda s: 0.0 * s)
+    learner = Distill(
+        settings, problem(num_envs=1_600, env_steps=1_600), lambda seen: 0.0 * seen["markov"]
+    )
     learner._steps = 10**6  # The teacher never acts.
     places, first = torch.zeros(1, 1_600, 1), torch.ones(1, 1_600, dtype=bool)
     best, _ = learner.act(seen_at(places), first, None, explore=False)
@@ -259,7 +265,7 @@ def test_a_saved_teacher_labels_batches(teacher):
     )
     states = torch.randn(9, 44)
     torch.testing.assert_close(
-        learner._teacher(states[None])[0], module(states), rtol=1e-5, atol=1e-6
+        learner._teacher({"markov": states[None]})[0], module(states), rtol=1e-5, atol=1e-6
     )
 
 
@@ -284,8 +290,7 @@ def test_a_saved_teacher_of_several_observations_labels_batches(tmp_path):
     )
     states, held = torch.randn(2, 9, 44), torch.randint(0, 2, (2, 9, 2), dtype=torch.uint8)
     expected = torch.cat([0.5 * held, states[..., :6].tanh()], -1)
-    states = torch.cat([states, held], -1)
-    torch.testing.assert_close(learner._teacher(states), expected)
+    torch.testing.assert_close(learner._teacher({"markov": states, "held": held}), expected)
 
 
 def test_a_policy_acts_as_its_student_with_half_the_bytes():
@@ -319,7 +324,7 @@ def test_a_function_of_a_module_labels_states_for_students_of_states():
     problem = _of_ropes({"reduced": (66,), "held": (2,)})
     learner = result.make(result.settings, problem)
     states = 0.1 * torch.randn(1, 4, 74)
-    torch.testing.assert_close(learner._teacher(states), rope_configuration(states))
+    torch.testing.assert_close(learner._teacher({"markov": states}), rope_configuration(states))
     # Linear, norm, tanh, then the head on the features and all numbers.
     student, seen = learner.students[0], {"reduced": states[0, :, :66], "held": torch.ones(4, 2)}
     numbers = torch.cat([seen["reduced"], seen["held"]], -1)
@@ -328,7 +333,7 @@ def test_a_function_of_a_module_labels_states_for_students_of_states():
     torch.testing.assert_close(student(seen), student.head(torch.cat([features, numbers], -1)))
 
 
-def test_a_teacher_takes_the_observations_that_its_function_names():
+def test_a_teacher_takes_the_observations_that_its_function_names(monkeypatch):
     name = "softgym_mj.policies.reactive:fold_crumpled_cloth"
     settings = training._teacher(name, False)
     assert settings == {"teacher": name, "privileged": "full+markov"}
@@ -347,7 +352,9 @@ def test_a_teacher_takes_the_observations_that_its_function_names():
         taken.append(states)
         return torch.zeros(1, 4, 8)
 
-    learner = Distill(DistillSettings(**SMALL, privileged="full+markov"), problem, teacher)
+    monkeypatch.setattr("softgym_mj.policies.reactive.fold_crumpled_cloth", teacher)
+    result = find_method("distill", **settings, **SMALL)
+    learner = result.make(result.settings, problem)
     learner.act(seen, torch.ones(1, 4, dtype=torch.bool), None, explore=True)
     torch.testing.assert_close(taken[0], torch.cat([seen["full"], seen["markov"]], -1))
     # The student observes its own part.
@@ -381,17 +388,18 @@ def test_students_of_points_take_those_of_the_first_observation():
 def test_teachers_of_another_task_are_refused(teacher):
     """A file of a rope's policy, functions that raise or return no actions; 66 numbers a state."""
     states = torch.zeros(1, 4, 66)
+    shapes = "for observations {'markov': (1, 4, 66)}"
     for name, words in {
-        str(teacher[1]): "failed: expected actions (1, 4, 8) for observations (1, 4, 66)",
+        str(teacher[1]): f"failed: expected actions (1, 4, 8) {shapes}",
         "softgym_mj.policies.reactive:drop_cloth": "cannot be imported",
-        "torch:logdet": "failed: expected actions (1, 4, 8) for observations (1, 4, 66)",
+        "torch:logdet": f"failed: expected actions (1, 4, 8) {shapes}",
         "torch:zeros_like": "returns (1, 4, 66): expected actions (1, 4, 8)",
         "torch:is_tensor": "returns bool: expected actions (1, 4, 8)",
     }.items():
         with pytest.raises(InvalidArgumentError) as error:
             result = find_method("distill", teacher=name, **SMALL)
             problem = _of_ropes({"reduced": (66,), "held": (2,)})
-            result.make(result.settings, problem)._teacher(states)
+            result.make(result.settings, problem)._teacher({"markov": states})
         assert f"teacher={name!r} {words}" in str(error.value)
 
 

@@ -54,14 +54,14 @@ class Distill:
     """
 
     def __init__(
-        self, settings: StudentSettings, problem: Problem, teacher: Callable[[Tensor], Tensor]
+        self, settings: StudentSettings, problem: Problem, teacher: Callable[[Observation], Tensor]
     ):
         """Draws the students and allocates their replay buffer.
 
         Args:
             settings: how they learn.
             problem: learning problem.
-            teacher: Maps privileged observations (seeds, n, k) to actions (seeds, n, action).
+            teacher: Maps observations (seeds, n, ...) by name to actions (seeds, n, action).
         """
         self._settings, self._problem, self._teacher = settings, problem, teacher
         own = names_of(problem.observed)
@@ -123,8 +123,7 @@ class Distill:
         """Stores observations with the teacher's labels; returns actions to execute."""
         settings, num_envs = self._settings, self._problem.num_envs
         with torch.no_grad():
-            seen = [observation[name] for name in settings.privileged.split("+")]
-            label = self._teacher(torch.cat(seen, -1))
+            label = self._teacher(observation)
         self.frames.add({**observation, LABEL: label}, first)
         number = torch.arange(num_envs, device=action.device)[:, None]
         wild = settings.wild_noise * (number >= num_envs - num_envs // 8)
@@ -229,21 +228,22 @@ def make(settings: DistillSettings, problem: Problem) -> Distill:
     return Distill(settings, problem, _checked(settings, problem))
 
 
-def _checked(settings: DistillSettings, problem: Problem) -> Callable[[Tensor], Tensor]:
+def _checked(settings: DistillSettings, problem: Problem) -> Callable[[Observation], Tensor]:
     """Returns a teacher that raises `InvalidArgumentError` unless it can label a problem."""
-    name = settings.teacher
-    teacher = _teacher(name, settings.privileged.split("+"), problem.device)
+    name, names = settings.teacher, settings.privileged.split("+")
+    teacher = _teacher(name, names, problem.device)
 
-    def labels(states: Tensor) -> Tensor:
-        shape = tuple(states.shape)
-        valid = f"actions {(*shape[:-1], problem.action)} for observations {shape}"
+    def labels(observation: Observation) -> Tensor:
+        shapes = {each: tuple(observation[each].shape) for each in names}
+        lead = next(iter(shapes.values()))[:-1]
+        valid = f"actions {(*lead, problem.action)} for observations {shapes}"
         try:
-            result = teacher(states)
+            result = teacher(observation)
         except Exception as error:  # Whatever a function raises, or the guards of a file.
             failed = f"{type(error).__name__}: {error}"
             message = f"teacher={name!r} failed: expected {valid}: {failed}"
             raise InvalidArgumentError(message) from error
-        if not isinstance(result, Tensor) or result.shape != (*shape[:-1], problem.action):
+        if not isinstance(result, Tensor) or result.shape != (*lead, problem.action):
             found = tuple(result.shape) if isinstance(result, Tensor) else type(result).__name__
             raise InvalidArgumentError(f"teacher={name!r} returns {found}: expected {valid}")
         return result
@@ -251,22 +251,21 @@ def _checked(settings: DistillSettings, problem: Problem) -> Callable[[Tensor], 
     return labels
 
 
-def _teacher(name: str, names: Sequence[str], device: str) -> Callable[[Tensor], Tensor]:
-    """Returns a function from observations of these names, joined (seeds, n, k), to actions."""
+def _teacher(name: str, names: Sequence[str], device: str) -> Callable[[Observation], Tensor]:
+    """Returns a function from observations (seeds, n, ...), of which it takes these, to actions.
+
+    A function of a module takes them joined; a file takes them by name, unless it has one.
+    """
     if ":" in name:
-        return imported(name, "teacher")
+        function = imported(name, "teacher")
+        return lambda observation: function(torch.cat([observation[each] for each in names], -1))
     exported = torch.export.load(io.BytesIO(read_whole(name)))
     # A file has a policy of a single environment: vmap makes it one of many.
     teacher = torch.func.vmap(move_to_device_pass(exported, device).module())
 
-    def labels(states: Tensor) -> Tensor:
-        seen: Any = states.flatten(0, 1)[:, None]
-        if len(names) > 1:  # By name, each of its own type.
-            (example,), _ = exported.example_inputs
-            parts = seen.split([example[each].shape[-1] for each in names], -1)
-            seen = {
-                each: part.to(example[each].dtype) for each, part in zip(names, parts, strict=True)
-            }
-        return teacher(seen)[:, 0].unflatten(0, states.shape[:2])
+    def labels(observation: Observation) -> Tensor:
+        seen = {each: observation[each].flatten(0, 1)[:, None] for each in names}
+        actions = teacher(seen if len(names) > 1 else seen[names[0]])[:, 0]
+        return actions.unflatten(0, observation[names[0]].shape[:2])
 
     return labels

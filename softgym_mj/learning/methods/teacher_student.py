@@ -65,7 +65,8 @@ class TeacherStudent:
         self._last = settings.teacher_env_steps // problem.num_envs  # Vector steps of the teachers.
         self._steps = 0
 
-    def _labels(self, states: Tensor) -> Tensor:
+    def _labels(self, observation: Observation) -> Tensor:
+        states = observation[self._privileged]
         first = torch.zeros(states.shape[:2], dtype=torch.bool, device=states.device)
         return self.teacher.act(states, first, None, explore=False)[0]
 
