@@ -10,8 +10,9 @@ from softgym_mj.cli import training
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.frames import pictured
 from softgym_mj.learning.learner import Problem, Step
+from softgym_mj.learning.methods.action_forms import Bins, Values
 from softgym_mj.learning.methods.distill import LABEL, Distill, DistillSettings
-from softgym_mj.learning.methods.students import Student, chosen
+from softgym_mj.learning.methods.students import Student
 from softgym_mj.learning.registry import find_method
 from softgym_mj.learning.symmetries import symmetries
 from softgym_mj.policies.exported import export_policy
@@ -54,30 +55,36 @@ def _step(learner, places, first):
 
 
 def test_the_loss_is_the_smooth_l1_distance_computed_by_hand():
-    learner = Distill(DistillSettings(**SMALL, beta=0.5), problem(), _teacher)
-    batch = {LABEL: torch.tensor([[0.1], [-0.9], [1.0]])}
-    action = torch.tensor([[0.3], [0.6], [1.0]])
+    labels, actions = torch.tensor([[0.1], [-0.9], [0.5]]), torch.tensor([[0.3], [0.6], [0.5]])
     # |.2| and 0 are below beta: x^2 / (2 beta); |1.5| is above it: x - beta / 2.
     expected = (0.2**2 / (2 * 0.5) + (1.5 - 0.5 / 2) + 0.0) / 3
-    learner.students[0].predicted = lambda seen: action
-    assert learner.loss(learner.students[0], batch).item() == pytest.approx(expected, rel=1e-6)
+    form = Values(beta=0.5)
+    assert form.loss(actions.atanh(), labels).item() == pytest.approx(expected, rel=1e-6)
+    torch.testing.assert_close(form.chosen(actions.atanh()), actions)
 
 
 def test_the_loss_of_bins_is_the_cross_entropy_computed_by_hand():
-    learner = Distill(DistillSettings(**SMALL, bins=3), problem(), _teacher)
-    labels, scores = (
-        torch.tensor([[-0.75], [1.0]]),
-        torch.tensor([[2.0, 1.0, 0.0], [0.0, 0.0, 3.0]]),
-    )
-    learner.students[0].predicted = lambda seen: scores[:, None]
+    labels = torch.tensor([[-0.75], [1.0]])
+    scores = torch.tensor([[2.0, 1.0, 0.0], [0.0, 0.0, 3.0]])
     # -0.75 is three quarters of -1 and a quarter of 0; 1 is the last value.
     logs = [
         2.0 - np.log(np.exp([2.0, 1.0, 0.0]).sum()), 1.0 - np.log(np.exp([2.0, 1.0, 0.0]).sum()),
         3.0 - np.log(np.exp([0.0, 0.0, 3.0]).sum()),
     ]  # fmt: skip
     expected = -(0.75 * logs[0] + 0.25 * logs[1] + logs[2]) / 2
-    found = learner.loss(learner.students[0], {LABEL: labels}).item()
-    assert found == pytest.approx(expected, rel=1e-6)
+    assert Bins(3).loss(scores, labels).item() == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_learner_has_the_loss_of_its_settings_form():
+    batch = {**seen_at(torch.tensor([[[0.2], [-0.4]]])), LABEL: torch.tensor([[0.1], [-0.9]])}
+    batch = {name: array[0] if name != LABEL else array for name, array in batch.items()}
+    batch["rgb"] = batch["rgb"][:, None].expand(-1, 2, -1, -1, -1)
+    for settings, form in (({"beta": 0.5}, Values(0.5)), ({"bins": 3}, Bins(3))):
+        learner = Distill(DistillSettings(**SMALL, **settings), problem(), _teacher)
+        student = learner.students[0]
+        expected = form.loss(student.outputs(batch), batch[LABEL])
+        torch.testing.assert_close(learner.loss(student, batch), expected)
+        torch.testing.assert_close(student(batch), form.chosen(student.outputs(batch)))
 
 
 def test_chosen_actions_are_means_in_the_window_that_holds_the_most():
@@ -94,7 +101,7 @@ def test_chosen_actions_are_means_in_the_window_that_holds_the_most():
         ]  # fmt: skip
         assert np.argmax(np.sum(inside, 1)) == best
         expected = np.dot(inside[best], values) / np.sum(inside[best])
-        found = chosen(torch.tensor(shares).log()[None])
+        found = Bins(5).chosen(torch.tensor(shares).log()[None])
         assert found.item() == pytest.approx(expected, rel=1e-5)
 
 
@@ -330,7 +337,8 @@ def test_a_function_of_a_module_labels_states_for_students_of_states():
     numbers = torch.cat([seen["reduced"], seen["held"]], -1)
     linear, norm, _ = student.encoder
     features = norm(numbers @ linear.weight.T + linear.bias).tanh()
-    torch.testing.assert_close(student(seen), student.head(torch.cat([features, numbers], -1)))
+    expected = student.head(torch.cat([features, numbers], -1)).tanh()
+    torch.testing.assert_close(student(seen), expected)
 
 
 def test_a_teacher_takes_the_observations_that_its_function_names(monkeypatch):
@@ -370,7 +378,7 @@ def test_students_of_points_need_numbers_with_the_reduced_state():
     seen = {"held": torch.zeros(3, 2), "reduced": torch.rand(3, 66)}
     numbers = torch.cat([seen["reduced"], seen["held"]], -1)
     student = learner.students[0]
-    expected = student.head(torch.cat([student.encoder(numbers), numbers], -1))
+    expected = student.head(torch.cat([student.encoder(numbers), numbers], -1)).tanh()
     torch.testing.assert_close(student(seen), expected)
 
 

@@ -19,7 +19,7 @@ from softgym_mj.learning.cuda_graph import CudaGraph
 from softgym_mj.learning.forms import signed_orders, turned
 from softgym_mj.learning.frames import Frames, stacked
 from softgym_mj.learning.learner import Problem, Step
-from softgym_mj.learning.methods.students import Observation, Student, StudentSettings, binned
+from softgym_mj.learning.methods.students import Observation, Student, StudentSettings
 from softgym_mj.learning.networks import StoredInHalf, drawn, generators, whole_numbers
 from softgym_mj.learning.point_encoder import POINTS, layout_of
 from softgym_mj.learning.symmetries import check_observed, symmetries
@@ -170,16 +170,11 @@ class Distill:
                 batch[name] = turned(batch[name], which, *of_each)
         return batch
 
-    def loss(self, student: nn.Module, batch: Observation) -> Tensor:
-        """Returns the distance of a student's actions from the batch's labels.
-
-        It is the cross entropy with `bins`, otherwise the smooth L1 distance.
-        """
+    def loss(self, student: Student, batch: Observation) -> Tensor:
+        """Returns the loss of a student's actions for the batch's labels, by their form."""
         with self._precision(True):
-            predicted = student.predicted(batch).float()
-        if bins := self._settings.bins:
-            return -(binned(batch[LABEL], bins) * predicted.log_softmax(-1)).sum(-1).mean()
-        return nn.functional.smooth_l1_loss(predicted, batch[LABEL], beta=self._settings.beta)
+            outputs = student.outputs(batch).float()
+        return student.form.loss(outputs, batch[LABEL])
 
     def _precision(self, is_reduced: bool) -> torch.autocast:
         on_gpu = self._problem.device == "cuda"

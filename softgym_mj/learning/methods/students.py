@@ -9,11 +9,11 @@ from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
 from softgym_mj.learning.frames import pictured
+from softgym_mj.learning.methods.action_forms import ActionForm, Bins, Values
 from softgym_mj.learning.point_encoder import Layout, PointEncoder
 from softgym_mj.validation import typed
 
 _LAYERS = ((5, 2), (3, 2), (3, 2), (3, 1))  # Kernel and stride of each convolution.
-_WINDOW = 0.5  # Standard deviation of the window in which actions are chosen.
 Observation = Mapping[str, Tensor]
 
 
@@ -93,6 +93,7 @@ class Student(nn.Module):
         frames: number of successive images in an observation.
         images: names of observations that are images, which must be of one size.
         others: names of all other observations.
+        form: what its outputs mean.
     """
 
     def __init__(
@@ -142,21 +143,20 @@ class Student(nn.Module):
             )  # fmt: skip
         else:
             self.encoder = PointEncoder(layout, others, settings.features)
-        self.bins = settings.bins
+        self.form: ActionForm = Bins(settings.bins) if settings.bins else Values(settings.beta)
         width = settings.features + others
         head: list[nn.Module] = []
-        outputs = action * max(settings.bins, 1)
+        outputs = self.form.size(action)
         for size, following in itertools.pairwise((width, *settings.hidden, outputs)):
             head += [nn.Linear(size, following), nn.ReLU()]
-        self.head = nn.Sequential(*head[:-1], nn.Identity() if settings.bins else nn.Tanh())
+        self.head = nn.Sequential(*head[:-1])
 
     def forward(self, observation: Observation) -> Tensor:
-        """Returns actions (n, action) of the observations that `predicted` takes."""
-        found = self.predicted(observation)
-        return chosen(found) if self.bins else found
+        """Returns actions (n, action) of the observations that `outputs` takes."""
+        return self.form.chosen(self.outputs(observation))
 
-    def predicted(self, observation: Observation) -> Tensor:
-        """Returns actions (n, action), or scores of their bins (n, action, bins).
+    def outputs(self, observation: Observation) -> Tensor:
+        """Returns the outputs (n, size), whose meaning is the form's.
 
         Args:
             observation: images (n, frames, ...), the oldest first, and other numbers (n, k).
@@ -171,28 +171,4 @@ class Student(nn.Module):
         encoded = self.encoder(
             torch.cat(seen, -1).movedim(-1, 1) if seen else torch.cat(others, -1)
         )
-        found = self.head(torch.cat([encoded, *others], -1))
-        return found.unflatten(-1, (-1, self.bins)) if self.bins else found
-
-
-def binned(action: Tensor, bins: int) -> Tensor:
-    """Returns probabilities (..., bins) of the values of actions (...) in -1..1.
-
-    Actions between two values belong to both, in proportion to their nearness.
-    """
-    values = torch.linspace(-1.0, 1.0, bins, device=action.device)
-    width = 2.0 / (bins - 1)
-    return (1.0 - (action[..., None] - values).abs() / width).clamp(min=0.0)
-
-
-def chosen(scores: Tensor) -> Tensor:
-    """Returns the actions (...) of the highest peaks of probabilities, given scores (..., bins).
-
-    A Gaussian window stands where it holds the most; the action is the mean in it. The single best
-    bin jumps from one env step to the next where two are nearly as good.
-    """
-    values = torch.linspace(-1.0, 1.0, scores.shape[-1], device=scores.device)
-    windows = torch.exp(-0.5 * ((values[:, None] - values) / _WINDOW) ** 2)
-    shares = scores.float().softmax(-1)
-    inside = shares * windows[(shares @ windows).argmax(-1)]
-    return (inside * values).sum(-1) / inside.sum(-1)
+        return self.head(torch.cat([encoded, *others], -1))
