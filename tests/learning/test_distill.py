@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import scipy.stats
 import torch
 from gymnasium.spaces import Box
 
@@ -11,7 +10,7 @@ from softgym_mj.cli import training
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.frames import pictured
 from softgym_mj.learning.learner import Problem, Step
-from softgym_mj.learning.methods.action_forms import Bins, Modes, Values
+from softgym_mj.learning.methods.action_forms import Bins, Values
 from softgym_mj.learning.methods.distill import LABEL, Distill, DistillSettings
 from softgym_mj.learning.methods.students import Student
 from softgym_mj.learning.registry import find_method
@@ -76,35 +75,11 @@ def test_the_loss_of_bins_is_the_cross_entropy_computed_by_hand():
     assert Bins(3).loss(scores, labels).item() == pytest.approx(expected, rel=1e-6)
 
 
-def _of_two_modes():
-    """Outputs of two Gaussians of actions of two entries: weights 1 / 4 and 3 / 4."""
-    means = torch.tensor([[0.5, -0.5], [0.2, 0.0]])
-    return torch.cat([
-        torch.tensor([[0.0], [np.log(3.0)]], dtype=torch.float32), means.atanh(), torch.zeros(2, 2)
-    ], -1).flatten()[None]  # fmt: skip
-
-
-def test_the_loss_of_modes_is_the_negative_log_likelihood_of_a_mixture():
-    """Standard deviations of outputs 0 are exp(-1.25), amid their bounds exp(-3) and exp(0.5)."""
-    label, std = np.array([0.3, 0.1]), np.exp(-1.25)
-    density = sum(
-        weight * np.prod(scipy.stats.norm.pdf(label, mean, std))
-        for weight, mean in ((0.25, [0.5, -0.5]), (0.75, [0.2, 0.0]))
-    )
-    constant = np.log(2.0 * np.pi)  # Of two entries, left out.
-    labels = torch.tensor(label, dtype=torch.float32)[None]
-    found = Modes(2).loss(_of_two_modes(), labels).item()
-    assert found == pytest.approx(-np.log(density) - constant, rel=1e-5)
-    torch.testing.assert_close(Modes(2).chosen(_of_two_modes()), torch.tensor([[0.2, 0.0]]))
-
-
 def test_a_learner_has_the_loss_of_its_settings_form():
     batch = {**seen_at(torch.tensor([[[0.2], [-0.4]]])), LABEL: torch.tensor([[0.1], [-0.9]])}
     batch = {name: array[0] if name != LABEL else array for name, array in batch.items()}
     batch["rgb"] = batch["rgb"][:, None].expand(-1, 2, -1, -1, -1)
-    for settings, form in (
-        ({"beta": 0.5}, Values(0.5)), ({"bins": 3}, Bins(3)), ({"modes": 3}, Modes(3))
-    ):  # fmt: skip
+    for settings, form in (({"beta": 0.5}, Values(0.5)), ({"bins": 3}, Bins(3))):
         learner = Distill(DistillSettings(**SMALL, **settings), problem(), _teacher)
         student = learner.students[0]
         expected = form.loss(student.outputs(batch), batch[LABEL])
@@ -134,11 +109,11 @@ def _signed(seen):
     return 0.6 * seen["markov"].sign()
 
 
-@pytest.mark.parametrize("form", [{}, {"bins": 21}, {"modes": 4}])
-def test_students_choose_one_of_two_labels_where_values_average(form):
+@pytest.mark.parametrize("bins", [0, 21])
+def test_students_with_bins_choose_one_of_two_labels_where_others_average(bins):
     """Labels have a sign that a student does not observe, 0.6 in two thirds and -0.6 in a third."""
     settings = DistillSettings(
-        **SMALL, **form, rate=3e-3, updates=8, batch=64, noise=0.0, wild_noise=0.0
+        **SMALL, bins=bins, rate=3e-3, updates=8, batch=64, noise=0.0, wild_noise=0.0
     )
     learner = Distill(settings, problem(num_envs=48, env_steps=48 * 40), _signed)
     signs = torch.where(torch.arange(48) % 3 > 0, 1.0, -1.0)[None, :, None]
@@ -148,9 +123,9 @@ def test_students_choose_one_of_two_labels_where_values_average(form):
         learner.act({**hidden, "markov": signs}, first, None, explore=True)
         learner.learn(Step(*[None] * 6))
     action, _ = learner.act({**hidden, "markov": signs}, first, None, explore=False)
-    if form:
+    if bins:
         # The window around 0.6 holds exp(-(1.2 / 0.5)^2 / 2) = 0.056 of the labels of -0.6.
-        expected = 0.6 * (2 - 0.056) / (2 + 0.056) if "bins" in form else 0.6
+        expected = 0.6 * (2 - 0.056) / (2 + 0.056)
         assert action.flatten().tolist() == pytest.approx([expected] * 48, abs=0.03)
     else:
         assert 0.0 < action.mean().item() < 0.55
@@ -444,12 +419,9 @@ def test_missing_functions_are_refused_as_teachers():
 def test_bad_settings_are_refused():
     with pytest.raises(InvalidArgumentError, match="35 pixels"):
         Student(DistillSettings(), {"rgb": (20, 20, 3)}, 2)
-    for name, values in (("bins", (-1, 1, 2)), ("modes", (-1, 1))):
-        for value in values:
-            with pytest.raises(InvalidArgumentError, match=f"{name}={value}"):
-                DistillSettings(**{name: value})
-    with pytest.raises(InvalidArgumentError, match="modes=2 is not valid: expected 0 with bins=3"):
-        DistillSettings(bins=3, modes=2)
+    for bins in (-1, 1, 2):
+        with pytest.raises(InvalidArgumentError, match=f"bins={bins}"):
+            DistillSettings(bins=bins)
 
 
 @pytest.mark.parametrize("observed", ["rgb", "depth", "external_rgb", ["reduced", "rgb"]])

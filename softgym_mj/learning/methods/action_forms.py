@@ -6,8 +6,6 @@ from typing import Protocol
 import torch
 from torch import Tensor, nn
 
-# Bounds of the logarithms of the modes' standard deviations: 0.05 and 1.6.
-_LOG_STD = (-3.0, 0.5)
 _WINDOW = 0.5  # Standard deviation of the window in which actions of bins are chosen.
 
 
@@ -85,41 +83,3 @@ class Bins:
 
     def _scores(self, outputs: Tensor) -> Tensor:
         return outputs.unflatten(-1, (-1, self.number))
-
-
-@dataclasses.dataclass(frozen=True)
-class Modes:
-    """Mixture of Gaussians of the whole action (Bishop, 1994), fitted by its log likelihood.
-
-    Where labels of alike states contradict each other, each mode is an action that some label has.
-
-    Attributes:
-        number: Number of Gaussians, whose covariances are diagonal.
-    """
-
-    number: int
-
-    def size(self, action: int) -> int:
-        """Returns the number of weights, means and standard deviations."""
-        return self.number * (1 + 2 * action)
-
-    def chosen(self, outputs: Tensor) -> Tensor:
-        """Returns the means of the Gaussians with the largest weights."""
-        weights, means, _ = self._parts(outputs)
-        best = weights.argmax(-1)[..., None, None].expand(*means.shape[:-2], 1, means.shape[-1])
-        return means.gather(-2, best)[..., 0, :]
-
-    def loss(self, outputs: Tensor, labels: Tensor) -> Tensor:
-        """Returns the mean negative log likelihood, without its constant."""
-        weights, means, log_stds = self._parts(outputs)
-        apart = (labels[..., None, :] - means) * torch.exp(-log_stds)
-        densities = -(0.5 * apart**2 + log_stds).sum(-1)
-        return -(weights.log_softmax(-1) + densities).logsumexp(-1).mean()
-
-    def _parts(self, outputs: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Returns scores (n, modes), means and logarithms of deviations (n, modes, action)."""
-        each = outputs.unflatten(-1, (self.number, -1))
-        size = (each.shape[-1] - 1) // 2
-        scores, means, spreads = each.split([1, size, size], -1)
-        low, high = _LOG_STD
-        return scores[..., 0], torch.tanh(means), low + (high - low) * torch.sigmoid(spreads)

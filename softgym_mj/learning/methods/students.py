@@ -9,7 +9,7 @@ from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
 from softgym_mj.learning.frames import pictured
-from softgym_mj.learning.methods.action_forms import ActionForm, Bins, Modes, Values
+from softgym_mj.learning.methods.action_forms import ActionForm, Bins, Values
 from softgym_mj.learning.point_encoder import Layout, PointEncoder
 from softgym_mj.validation import typed
 
@@ -46,8 +46,6 @@ class StudentSettings:
         wild_noise: the same in an eighth of the environments, added to `noise`.
         bins: number of values of each action that the student tells apart: it gives each a
             probability and takes the highest peak; 0 for one number an action.
-        modes: number of Gaussians of the whole action, of which the student takes the likeliest
-            one's mean; 0 for none.
         points: whether attention over the object's points encodes the numbers; for students
             of `reduced`, `key_points` or `markov` and other numbers.
 
@@ -75,28 +73,17 @@ class StudentSettings:
     noise: float = 0.05
     wild_noise: float = 0.3
     bins: int = 0
-    modes: int = 0
     points: bool = False
 
     def __post_init__(self):
         for name in ("frames", "channels", "features", "updates", "batch", "buffer", "warm_up"):
             check_count(name, getattr(self, name), 1)
         check_count("shift", self.shift, 0)
-        for name, least in (("bins", 3), ("modes", 2)):
-            if getattr(self, name):
-                check_count(name, getattr(self, name), least)
-        if self.bins and self.modes:
-            raise InvalidArgumentError("modes", self.modes, f"0 with bins={self.bins}")
+        if self.bins:
+            check_count("bins", self.bins, 3)
         check_number("teacher_share", self.teacher_share, ge=0.0, le=1.0)
         if self.teacher_until is not None:
             check_number("teacher_until", self.teacher_until, ge=0.0, le=1.0)
-
-    @property
-    def form(self) -> ActionForm:
-        """The form of the student's actions."""
-        if self.modes:
-            return Modes(self.modes)
-        return Bins(self.bins) if self.bins else Values(self.beta)
 
 
 class Student(nn.Module):
@@ -156,7 +143,7 @@ class Student(nn.Module):
             )  # fmt: skip
         else:
             self.encoder = PointEncoder(layout, others, settings.features)
-        self.form = settings.form
+        self.form: ActionForm = Bins(settings.bins) if settings.bins else Values(settings.beta)
         width = settings.features + others
         head: list[nn.Module] = []
         outputs = self.form.size(action)
