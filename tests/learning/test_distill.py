@@ -76,9 +76,9 @@ def test_the_loss_of_bins_is_the_cross_entropy_computed_by_hand():
 
 
 def test_a_learner_has_the_loss_of_its_settings_form():
-    batch = {**seen_at(torch.tensor([[[0.2], [-0.4]]])), LABEL: torch.tensor([[0.1], [-0.9]])}
-    batch = {name: array[0] if name != LABEL else array for name, array in batch.items()}
-    batch["rgb"] = batch["rgb"][:, None].expand(-1, 2, -1, -1, -1)
+    batch = {name: array[0] for name, array in seen_at(torch.tensor([[[0.2], [-0.4]]])).items()}
+    batch["rgb"] = torch.stack([batch["rgb"], batch["rgb"]], 1)  # Two images of each.
+    batch[LABEL] = torch.tensor([[0.1], [-0.9]])
     for settings, form in (({"beta": 0.5}, Values(0.5)), ({"bins": 3}, Bins(3))):
         learner = Distill(DistillSettings(**SMALL, **settings), problem(), _teacher)
         student = learner.students[0]

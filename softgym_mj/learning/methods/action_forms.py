@@ -50,7 +50,7 @@ class Bins:
     """Probabilities of several values for each entry of an action, fitted by the cross entropy.
 
     Attributes:
-        number: Number of values, which are even in -1..1.
+        number: Number of values, evenly spaced in -1..1.
     """
 
     number: int
@@ -65,7 +65,7 @@ class Bins:
         A Gaussian window stands where it holds the most; the action is the mean in it. The single
         best value jumps from one env step to the next where two are nearly as good.
         """
-        values = torch.linspace(-1.0, 1.0, self.number, device=outputs.device)
+        values = self._values(outputs)
         windows = torch.exp(-0.5 * ((values[:, None] - values) / _WINDOW) ** 2)
         shares = self._scores(outputs).float().softmax(-1)
         inside = shares * windows[(shares @ windows).argmax(-1)]
@@ -76,10 +76,12 @@ class Bins:
 
         Labels between two values belong to both, in proportion to their nearness.
         """
-        values = torch.linspace(-1.0, 1.0, self.number, device=labels.device)
         width = 2.0 / (self.number - 1)
-        shares = (1.0 - (labels[..., None] - values).abs() / width).clamp(min=0.0)
+        shares = (1.0 - (labels[..., None] - self._values(labels)).abs() / width).clamp(min=0.0)
         return -(shares * self._scores(outputs).log_softmax(-1)).sum(-1).mean()
+
+    def _values(self, like: Tensor) -> Tensor:
+        return torch.linspace(-1.0, 1.0, self.number, device=like.device)
 
     def _scores(self, outputs: Tensor) -> Tensor:
         return outputs.unflatten(-1, (-1, self.number))
