@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy import stats
 
 RESAMPLES = 10_000  # Moves the ends of an interval by less than a hundredth of its width.
 LEVEL = 0.95  # Confidence level of intervals.
@@ -32,7 +31,7 @@ def summary(episodes: Sequence[Mapping]) -> dict[str, float]:
         "mean": float(scores.mean()),
         "mean_low": mean_low,
         "mean_high": mean_high,
-        "iqm": float(stats.trim_mean(scores, _CUT, axis=None)),
+        "iqm": float(_interquartile_means(scores.ravel())),
         "iqm_low": iqm_low,
         "iqm_high": iqm_high,
         "min": float(scores.min()),
@@ -76,6 +75,17 @@ def _intervals(scores: np.ndarray) -> list[float]:
         rows = random.integers(seeds, size=(_AT_ONCE, seeds, 1))
         columns = random.integers(variations, size=(_AT_ONCE, 1, variations))
         drawn = scores[rows, columns].reshape(_AT_ONCE, -1)
-        result.append((drawn.mean(1), stats.trim_mean(drawn, _CUT, axis=1)))
+        result.append((drawn.mean(1), _interquartile_means(drawn)))
     ends = [50 * (1 - LEVEL), 50 * (1 + LEVEL)]
     return np.percentile(np.concatenate(result, axis=1), ends, axis=1).T.ravel().tolist()
+
+
+def _interquartile_means(scores: np.ndarray) -> np.ndarray:
+    """Returns the means of the middle halves of rows of scores (..., n): (...).
+
+    As `scipy.stats.trim_mean`, without its import, which takes half a second.
+    """
+    size = scores.shape[-1]
+    cut = int(_CUT * size)
+    parted = np.partition(scores, (cut, size - cut - 1), axis=-1)
+    return parted[..., cut : size - cut].mean(-1)
