@@ -10,10 +10,10 @@ from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
 from softgym_mj.learning.cuda_graph import CudaGraph
-from softgym_mj.learning.forms import SymmetrizedPolicy
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.networks import any_actions, drawn, generators
 from softgym_mj.learning.replay import Batch, Replay
+from softgym_mj.learning.signed_orders import SymmetrizedPolicy
 from softgym_mj.learning.symmetries import Symmetry, check_observed, symmetries
 from softgym_mj.tasks.shared.observations import names_of
 from softgym_mj.validation import typed

@@ -7,10 +7,10 @@ import torch
 from torch import Tensor
 
 from softgym_mj.exceptions import check_count
-from softgym_mj.learning.forms import signed_orders, turned
 from softgym_mj.learning.learner import Step
 from softgym_mj.learning.networks import drawn, whole_numbers
 from softgym_mj.learning.ring import NEWEST_IMAGES, Ring
+from softgym_mj.learning.signed_orders import signed_orders, turned
 from softgym_mj.learning.symmetries import Symmetry
 
 

@@ -16,12 +16,12 @@ from torch.export.passes import move_to_device_pass
 
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.cuda_graph import CudaGraph
-from softgym_mj.learning.forms import signed_orders, turned
 from softgym_mj.learning.frames import Frames, stacked
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.methods.students import Observation, Student, StudentSettings
 from softgym_mj.learning.networks import StoredInHalf, drawn, generators, whole_numbers
 from softgym_mj.learning.point_encoder import POINTS, layout_of
+from softgym_mj.learning.signed_orders import signed_orders, turned
 from softgym_mj.learning.symmetries import check_observed, symmetries
 from softgym_mj.policies.saved import imported
 from softgym_mj.storage.files import read_whole

@@ -6,10 +6,10 @@ import torch
 
 import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.learning.forms import SymmetrizedPolicy
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.off_policy import OffPolicySettings
 from softgym_mj.learning.registry import find_method
+from softgym_mj.learning.signed_orders import SymmetrizedPolicy
 from softgym_mj.learning.symmetries import symmetries
 
 
