@@ -78,7 +78,7 @@ class TrainingSettings:
         elif len({*self.observation}) < max(len(self.observation), 2):
             valid = "a name, or names of two or more different observations"
             raise InvalidArgumentError("observation", self.observation, valid)
-        for name in ("env_steps", "num_envs", "evaluate_every"):
+        for name in ("env_steps", "num_envs", "part", "evaluate_every"):
             check_count(name, getattr(self, name), 1)
         for name in ("episodes", "final_episodes"):
             check_count(name, getattr(self, name), 1, len(SPLITS["evaluate"]))

@@ -78,6 +78,7 @@ def test_the_part_divides_the_env_steps(settings, part):
         ({"env_steps": 4_096, "part": 3_000}, "part=3000 .*such as 2816 or 3072"),
         ({"env_steps": "many"}, "env_steps='many' .*a whole number"),
         ({"num_envs": 0}, "num_envs=0"),
+        ({"part": 0}, "part=0"),
     ],
 )
 def test_lengths_that_do_not_fit_are_refused(settings, message):
