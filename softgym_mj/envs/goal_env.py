@@ -9,7 +9,7 @@ from gymnasium.utils import RecordConstructorArgs
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.tasks.shared.goals import Goals, depends_on_goal, goals
-from softgym_mj.tasks.shared.observations import STATES
+from softgym_mj.tasks.shared.observations import STATES, shows_goal
 from softgym_mj.validation import as_array, as_shaped
 
 
@@ -30,7 +30,8 @@ class GoalEnv(gymnasium.Wrapper, RecordConstructorArgs):
                 `gymnasium.make("softgym_mj/RopeConfiguration-v0")`.
 
         Raises:
-            InvalidArgumentError: for another task, or several observations.
+            InvalidArgumentError: for another task, several observations, or images that show the
+                goal.
         """
         RecordConstructorArgs.__init__(self)
         super().__init__(env)
@@ -41,9 +42,12 @@ class GoalEnv(gymnasium.Wrapper, RecordConstructorArgs):
         self._goals()
         if len(names) > 1 or not isinstance(env.observation_space, gymnasium.spaces.Box):
             raise InvalidArgumentError("observation", names, "a single observation")
-        self._kept: Any = ...  # Images do not contain the goal.
+        self._kept: Any = ...  # Of images, all.
         if names[0] in STATES:
             self._kept = np.flatnonzero(~depends_on_goal(task, names[0]))
+        elif shows_goal(names, task.goal_marks):
+            valid = "a state, or images without the goal, such as 'rgb' with goal_marks=False"
+            raise InvalidArgumentError("observation", names[0], valid)
         seen = env.observation_space
         size = self._both()["desired_goal"].shape
         (self._size,) = size

@@ -11,6 +11,7 @@ from stable_baselines3.common.env_checker import check_env
 import softgym_mj
 from softgym_mj.envs.goal_env import GoalEnv
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.rendering.offscreen import CameraView
 
 ROPE, POUR = "softgym_mj/RopeConfiguration-v0", "softgym_mj/PourWaterAmount-v0"
 
@@ -55,6 +56,16 @@ def test_observations_lack_the_goal(observation):
             rope = each["observation"][: 3 * number]
             np.testing.assert_allclose(rope, each["achieved_goal"], atol=1e-6)
     assert not np.array_equal(seen[0]["desired_goal"], seen[1]["desired_goal"])
+    env.close()
+
+
+@pytest.mark.filterwarnings("ignore:observation:UserWarning")
+def test_images_lack_the_goal():
+    env = _made(ROPE, observation="rgb", goal_marks=False, image_size=(32, 32))
+    seen, _ = env.reset(options={"variation": 2})
+    plain = CameraView("task", 32, 32, marks=False).rgb(env.unwrapped.dm_env.physics)
+    np.testing.assert_array_equal(seen["observation"], plain)
+    assert not np.array_equal(plain, CameraView("task", 32, 32).rgb(env.unwrapped.dm_env.physics))
     env.close()
 
 
@@ -103,6 +114,8 @@ def test_what_has_no_goals_is_refused():
         (lambda: gymnasium.make("softgym_mj/StraightenRope-v0"), "task='straighten_rope'"),
         (lambda: gymnasium.make(ROPE, observation=["reduced", "markov"]), "observation"),
         (lambda: gymnasium.make("CartPole-v1"), "env"),
+        (lambda: gymnasium.make(POUR, observation="rgb"), "goal_marks=False"),
+        (lambda: gymnasium.make(ROPE, observation="goal_rgb"), "observation='goal_rgb'"),
     ):
         with pytest.raises(InvalidArgumentError, match=name):
             GoalEnv(made())

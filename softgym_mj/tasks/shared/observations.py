@@ -213,6 +213,16 @@ def make_observables(
     return found
 
 
+def shows_goal(names: Iterable[str], goal_marks: bool) -> bool:
+    """Returns whether one of several observations shows a goal that depends on the variation.
+
+    Args:
+        names: names of observations.
+        goal_marks: whether colored images show the marks of the goal.
+    """
+    return not {*names}.isdisjoint(_SHOW_GOAL | {*(TAKEN if goal_marks else ())})
+
+
 def warn_of_hidden_goal(observables: Mapping[str, observable.Observable], goal_marks: bool) -> None:
     """Warns if no enabled observation shows a goal that depends on the variation.
 
@@ -221,7 +231,7 @@ def warn_of_hidden_goal(observables: Mapping[str, observable.Observable], goal_m
         goal_marks: whether colored images show the marks of the goal.
     """
     enabled = {name for name, seen in observables.items() if seen.enabled}
-    if enabled & _SHOW_GOAL or (goal_marks and enabled & set(TAKEN)):
+    if shows_goal(enabled, goal_marks):
         return
     others = sorted(_SHOW_GOAL & set(observables))
     warnings.warn(
