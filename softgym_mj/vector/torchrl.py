@@ -10,7 +10,7 @@ from torchrl.data import Binary, Bounded, Composite, TensorSpec, Unbounded
 from torchrl.envs import EnvBase
 
 from softgym_mj.envs.gymnasium_env import check_arguments
-from softgym_mj.exceptions import InvalidArgumentError, check_name
+from softgym_mj.exceptions import InvalidArgumentError, UnexpectedArgumentError, check_name
 from softgym_mj.registry import TaskRecord
 from softgym_mj.vector.make import make_vec
 
@@ -47,9 +47,15 @@ class TorchRLEnv(EnvBase):
         Raises:
             InvalidArgumentError: If an argument is invalid; for an unknown name in `info`, the
                 first reset raises it.
+            UnexpectedArgumentError: For an unknown argument.
         """
         if isinstance(info, str):
             raise InvalidArgumentError("info", info, "a sequence of names")
+        if "autoreset_mode" in settings:
+            raise UnexpectedArgumentError(
+                "TorchRLEnv got an unexpected keyword argument 'autoreset_mode': TorchRL resets "
+                "environments itself."
+            )
         check_arguments(task, settings, make_vec, TorchRLEnv.__init__)
         envs = make_vec(task, num_envs, device=device, autoreset_mode="Disabled", **settings)
         where = torch.device("cuda", 0) if device == "cuda" else torch.device("cpu")

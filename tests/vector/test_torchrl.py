@@ -104,3 +104,5 @@ def test_unknown_infos_and_numbers_are_refused(make):
         env.reset()
     with pytest.raises(UnexpectedArgumentError, match=r"'infos' \(did you mean 'info'\?\); valid"):
         make("straighten_rope", 1, device="host", infos=["success"])
+    with pytest.raises(UnexpectedArgumentError, match="'autoreset_mode': TorchRL resets"):
+        make("straighten_rope", 1, device="host", autoreset_mode="SameStep")
