@@ -105,5 +105,5 @@ def test_water_is_poured():
 
 
 def test_an_expert_needs_two_pickers():
-    with pytest.raises(InvalidArgumentError, match="num_grippers=1"):
+    with pytest.raises(InvalidArgumentError, match="num_pickers=1"):
         make_policy(softgym_mj.load("straighten_rope", num_pickers=1))
