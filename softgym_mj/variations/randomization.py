@@ -74,7 +74,7 @@ class Parameter:
             return tuple((low, high) for low, high in outside if low < high)
         pair: Any = setting if isinstance(setting, Sequence) else (setting, setting)
         try:
-            low, high = (float(value) for value in pair)
+            low, high = (math.nan if isinstance(value, bool) else float(value) for value in pair)
         except (TypeError, ValueError):
             low, high = math.nan, math.nan
         if not self.valid[0] <= low <= high <= self.valid[1]:

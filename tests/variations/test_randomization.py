@@ -113,6 +113,8 @@ def test_numbers_and_pairs():
         ({"weight": (1.0, 2.0, 3.0)}, ("weight=(1.0, 2.0, 3.0)",)),
         ({"weight": math.nan}, ("weight=nan",)),
         ({"weight": None}, ("weight=None",)),
+        ({"offset": False}, ("offset=False", "a number")),
+        ({"offset": (False, 0.2)}, ("offset=(False, 0.2)",)),
         ({"weight": "light"}, ("weight='light'", "nominal")),
     ],
 )
