@@ -7,27 +7,17 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.learning.learner import Method, Problem, Step, split_by_seed
+from softgym_mj.learning.learner import Problem, Step, split_by_seed
 from softgym_mj.learning.networks import where
 from softgym_mj.learning.settings import TrainingSettings
 
 _PARTS = 1_000_003  # Separates the seeds of environments of different parts.
 
 
-def problem_of(
-    settings: TrainingSettings, method: Method, seeds: Sequence[int], envs: Any, device: str
-) -> Problem:
-    """Returns the learning problem of vector environments: sizes, seeds and PyTorch device.
-
-    Raises:
-        InvalidArgumentError: for several observations, unless the method supports them.
-    """
+def problem_of(settings: TrainingSettings, seeds: Sequence[int], envs: Any, device: str) -> Problem:
+    """Returns the learning problem of vector environments: sizes, seeds and PyTorch device."""
     space = envs.single_observation_space
     shapes = {name: each.shape for name, each in getattr(space, "spaces", {}).items()}
-    if shapes and not hasattr(method.settings, "privileged"):
-        valid = f"a single name, as {method.name} takes one observation"
-        raise InvalidArgumentError("observation", settings.observation, valid)
     return Problem(
         settings.task, settings.task_settings, seeds, settings.num_envs, space.shape or (),
         envs.single_action_space.shape[-1], settings.reward_scale, device, settings.observation,

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
+from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name, check_number
 from softgym_mj.policies.exported import has_images
 from softgym_mj.registry import find
 from softgym_mj.tasks.shared.observations import names_of
@@ -80,6 +80,7 @@ class TrainingSettings:
             raise InvalidArgumentError("observation", self.observation, valid)
         for name in ("env_steps", "num_envs", "part", "evaluate_every"):
             check_count(name, getattr(self, name), 1)
+        check_number("reward_scale", self.reward_scale, gt=0.0)
         for name in ("episodes", "final_episodes"):
             check_count(name, getattr(self, name), 1, len(SPLITS["evaluate"]))
         for name in ("env_steps", "part"):

@@ -29,8 +29,15 @@ def check_settings(settings: TrainingSettings, method: Method) -> None:
 
     Raises:
         InvalidArgumentError: if random steps leave none to learn from; for symmetric replay of a
-            task without symmetries; for images with a method of states.
+            task without symmetries; for images with a method of states; for several observations
+            with a method of one; without a teacher that a method needs.
     """
+    if len(settings.observations) > 1 and not hasattr(method.settings, "privileged"):
+        valid = f"a single name, as {method.name} takes one observation"
+        raise InvalidArgumentError("observation", settings.observation, valid)
+    if getattr(method.settings, "teacher", None) == "":
+        valid = "--teacher FILE.pt2 or MODULE:FUNCTION, and --trust; teacher_student needs none"
+        raise InvalidArgumentError("teacher", "", valid)
     if has_images(settings.observations) and method.name in METHODS:
         able = image_methods(settings.task)
         if method.name not in able:
@@ -94,7 +101,7 @@ class TrainingSetup:
         self._envs = self._make(number, autoreset_mode="SameStep", **left)
         self._horizon = horizon_of(settings.task, settings.task_settings)  # Of evaluations.
         at = self.learner_device or own
-        self._problem = problem_of(settings, self.method, self.seeds, self._envs, at)
+        self._problem = problem_of(settings, self.seeds, self._envs, at)
         self._explorer = Explorer(self._problem, self._envs, self.device)
         self._players = Players(
             self._problem,

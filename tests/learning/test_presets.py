@@ -32,7 +32,8 @@ LIMITED = {"wu": ("spread_cloth", "fold_cloth")}
 @pytest.mark.parametrize(("method", "preset"), CASES)
 def test_presets_suit_every_task(method, preset):
     for task in LIMITED.get(method, softgym_mj.TASKS):
-        training, made = find_preset(method, preset, task)
+        imitates = {"teacher": "any"} if method == "distill" else {}
+        training, made = find_preset(method, preset, task, **imitates)
         assert (training.task, made.name, made.preset) == (task, method, preset)
         check_settings(training, made)
         if preset == "paper" and method in PAPERS:
@@ -79,9 +80,11 @@ def test_the_part_divides_the_env_steps(settings, part):
         ({"env_steps": "many"}, "env_steps='many' .*a whole number"),
         ({"num_envs": 0}, "num_envs=0"),
         ({"part": 0}, "part=0"),
+        ({"reward_scale": 0}, "reward_scale=0 .*a number > 0"),
+        ({"log_std": [2, -10]}, r"log_std=\(2, -10\) .*the lower bound"),
     ],
 )
-def test_lengths_that_do_not_fit_are_refused(settings, message):
+def test_settings_that_do_not_fit_are_refused(settings, message):
     with pytest.raises(InvalidArgumentError, match=message):
         find_preset("sac", "fast", "straighten_rope", **settings)
 

@@ -214,12 +214,9 @@ def make(settings: DistillSettings, problem: Problem) -> Distill:
     """Returns the `Learner` of a problem.
 
     Raises:
-        InvalidArgumentError: for a problem of one observation, or no teacher.
+        InvalidArgumentError: for a problem of one observation.
         StoreError: for a teacher's file that cannot be read.
     """
-    if not settings.teacher:
-        valid = "--teacher FILE.pt2 or MODULE:FUNCTION, and --trust; teacher_student needs none"
-        raise InvalidArgumentError("teacher", settings.teacher, valid)
     return Distill(settings, problem, _checked(settings, problem))
 
 

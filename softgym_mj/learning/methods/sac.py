@@ -70,6 +70,8 @@ class SACSettings(OffPolicySettings):
         for name in ("actor_every", "target_every"):
             check_count(name, getattr(self, name), 1)
         check_count("lr_halving_period", self.lr_halving_period, 0)
+        if not self.log_std[0] < self.log_std[1]:
+            raise InvalidArgumentError("log_std", self.log_std, "the lower bound, then the upper")
         if not self.target_entropy < MOST_ENTROPY:
             valid = f"below {MOST_ENTROPY:.3f}, that of uniform actions"
             raise InvalidArgumentError("target_entropy", self.target_entropy, valid)
