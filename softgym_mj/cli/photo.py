@@ -16,11 +16,12 @@ from softgym_mj.cli.console import (
     for_people,
     progress_bar,
 )
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.policies.factory import SIMPLE, make_policy
 from softgym_mj.registry import find
 from softgym_mj.rendering import photo as photos
 from softgym_mj.rendering.offscreen import write_picture
+from softgym_mj.storage.files import make_folder
 
 
 def photo(
@@ -54,7 +55,9 @@ def photo(
         raise InvalidArgumentError("out", str(file), f"a file that ends in {ending}")
     # Its arguments are checked before the episode is played.
     view = photos.PhotoCamera(camera, size, samples, denoise)
+    make_folder(file.parent)
     env = softgym_mj.load(record, split="all", **for_people(record, actor, grasp))
+    check_count("step", step, 0, env.horizon)
     act = make_policy(policy, env, trust=trust)
     index = env.task.example_variation if variation is None else variation
     with progress_bar() as progress:

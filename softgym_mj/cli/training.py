@@ -30,6 +30,7 @@ from softgym_mj.exceptions import (
 )
 from softgym_mj.parallel.executors import make_executor
 from softgym_mj.registry import find
+from softgym_mj.storage.files import make_folder
 from softgym_mj.vector.make import DEVICES
 
 _CPU_PRESET = "night"  # Small networks that learn in about an hour on a CPU core.
@@ -140,6 +141,7 @@ def train(
     _note_symmetries(training.actor, result.settings)
     if "cuda" in (device, learner_device):
         _check_gpu(method, task, preset if _CPU_PRESET not in preset_names(method) else _CPU_PRESET)
+    make_folder(out)  # Before the environments, which take long.
     try:
         if jobs == 1 and ray is None:
             reports.line(

@@ -13,8 +13,8 @@ def parsed(argument: str, text: str) -> tuple[int, ...]:
     """Parses indices of variations, such as "800,803,810-819"; a range includes its end.
 
     Raises:
-        InvalidArgumentError: naming `argument`, for invalid text, an index above 999 or a range
-            that falls.
+        InvalidArgumentError: naming `argument`, for invalid text, an index above 999, a range that
+            falls or an index twice.
     """
     result: list[int] = []
     for part in text.split(","):
@@ -28,6 +28,8 @@ def parsed(argument: str, text: str) -> tuple[int, ...]:
             valid = "ranges from the smaller to the larger index, such as 810-819"
             raise InvalidArgumentError(argument, text, valid)
         result += range(first, last + 1)
+    if len({*result}) < len(result):
+        raise InvalidArgumentError(argument, text, "each index once")
     return tuple(result)
 
 

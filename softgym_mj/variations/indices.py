@@ -64,12 +64,19 @@ def split_indices(split: str | Sequence[int]) -> Sequence[int]:
     """Returns the variation indices of a split.
 
     Args:
-        split: "train" (0..799), "evaluate" (800..999), "all" or at least one index.
+        split: "train" (0..799), "evaluate" (800..999), "all" or a sequence of different indices.
+
+    Raises:
+        InvalidArgumentError: for another name, no index, one above 999 or one twice.
     """
+    if isinstance(split, np.ndarray) and split.ndim:
+        split = split.tolist()
     if isinstance(split, Sequence) and not isinstance(split, str):
-        if not len(split):
-            raise InvalidArgumentError("split", split, "a split name or at least one variation")
-        return [check_variation(index) for index in split]
+        indices = [check_variation(index) for index in split]
+        if not indices or len({*indices}) < len(indices):
+            valid = "a split name, or at least one variation, each of them once"
+            raise InvalidArgumentError("split", split, valid)
+        return indices
     if not isinstance(split, str) or split not in SPLITS:
         raise InvalidArgumentError("split", split, [*SPLITS, "a sequence of variation indices"])
     return SPLITS[split]

@@ -5,7 +5,9 @@ import pathlib
 
 import pytest
 
+import softgym_mj
 from softgym_mj.cli.console import policy_file
+from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
 from tests.command import status_of
 
@@ -16,6 +18,7 @@ EVALUATE = ["evaluate", ROPE, "--policy", "zero", "--episodes", "1"]
 REFUSED = {
     "range": ["evaluate", ROPE, "--policy", "zero", "--variations", "0-99999999999"],
     "index": ["evaluate", ROPE, "--policy", "zero", "--variations", "3,1000"],
+    "twice": ["rollout", ROPE, "--variations", "800,803,799-801"],
     "deep": [*EVALUATE, "--task-settings", "[" * 100_000],
     "horizon": ["evaluate", ROPE, "--policy", "cem", "--task-settings", '{"horizon": "a"}'],
     "seed of rollout": ["rollout", ROPE, "--policy", "random", "--seed", "-1"],
@@ -24,6 +27,9 @@ REFUSED = {
     "infinity": ["bench", ROPE, "--seconds", "inf"],
     "ending": ["photo", ROPE, "--out", "x.zzz"],
     "ending of a film": ["photo", ROPE, "--video", "--out", "x.png"],
+    "env step": ["photo", ROPE, "--step", "76"],
+    "file as the folder of a picture": ["photo", ROPE, "--out", "file/x.png"],
+    "file as the folder of a training": ["train", "sac", ROPE, "--device", "host", "--out", "file"],
     "architecture": ["compile", "--arch", "3"],
     "teacher": ["train", "distill", ROPE, "--teacher", "none.pt2", "--trust"],
     "trust": ["train", "distill", ROPE, "--teacher", str(RESULTS / "policies/fold_cloth-sac.pt2")],
@@ -38,10 +44,14 @@ REFUSED = {
 }
 WORDS = {
     "range": ["variations='0-99999999999'", "0..999"], "index": ["variations='3,1000'", "0..999"],
+    "twice": ["variations='800,803,799-801'", "each index once"],
     "deep": ["task_settings=", "JSON"], "horizon": ["horizon='a'"],
     "seed of rollout": ["--seed", "0"], "seed of record": ["--seed", "0"],
     "NaN": ["seconds=nan"], "infinity": ["seconds=inf"],
     "ending": ["out='x.zzz'", ".png"], "ending of a film": ["out='x.png'", ".mp4"],
+    "env step": ["step=76", "0..75"],
+    "file as the folder of a picture": ["file cannot be written"],
+    "file as the folder of a training": ["file cannot be written"],
     "teacher": ["teacher='none.pt2'"], "trust": ["--trust"], "no teacher": ["--teacher"],
     "observations": ["observation=", "sac takes one"],
     "architecture": ["architecture='3'", "'90'"], "markup of a task": ["[/b]"],
@@ -60,9 +70,17 @@ def run(arguments, capsys, monkeypatch):
     return status, printed.out + printed.err
 
 
+def _never(*_, **__):
+    raise AssertionError("this value should have been refused before")
+
+
 @pytest.mark.parametrize("name", REFUSED)
 def test_refused_by_name(name, capsys, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").touch()
+    # Nothing expensive comes before: no environment of a training, no episode.
+    monkeypatch.setattr(softgym_mj, "make_vec", _never)
+    monkeypatch.setattr(Environment, "play", _never)
     status, printed = run(REFUSED[name], capsys, monkeypatch)
     assert status in (1, 2) and "Traceback" not in printed
     assert all(word in printed for word in WORDS[name]), printed

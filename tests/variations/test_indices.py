@@ -31,7 +31,11 @@ def test_splits():
     train, evaluate = set(indices.SPLITS["train"]), set(indices.SPLITS["evaluate"])
     assert not train & evaluate
     assert train | evaluate == set(indices.SPLITS["all"])
-    for split in ("Train", "", None, 0):
+    assert list(indices.split_indices(np.array([3, 900]))) == [3, 900]
+    for split in ([3, 4, 3], np.array([5, 5]), ()):
+        with pytest.raises(InvalidArgumentError, match=r"split=.*each of them once"):
+            indices.split_indices(split)
+    for split in ("Train", "", None, 0, np.array(3)):
         with pytest.raises(InvalidArgumentError, match=r"split=.*'train', 'evaluate', 'all'"):
             indices.split_indices(split)
     assert indices.evaluation_variations(2) == (800, 801)
