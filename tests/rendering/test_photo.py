@@ -190,7 +190,7 @@ def test_a_missing_extra_is_named(module, monkeypatch):
         ("--camera above", "camera='above'"),
         ("--size 0", "size=0"),
         ("--size 2000", "size=2000"),
-        ("--step 3", "step=3 is not valid: expected at most 2"),
+        ("--step 3", "step=3 is not valid: expected a whole number in 0..2"),
         ("--variation 1000", "variation=1000"),
     ],
 )
