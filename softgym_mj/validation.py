@@ -101,6 +101,25 @@ def as_shaped(argument: str, value: object, shape: tuple[int, ...]) -> np.ndarra
     return array
 
 
+def as_finite(argument: str, value: object, *shapes: tuple[int, ...]) -> np.ndarray:
+    """Converts a value to an array of finite numbers, float64, of one of several shapes.
+
+    Args:
+        argument: Name of the argument.
+        value: Number, sequence, array or tensor.
+        *shapes: The shapes; none for any.
+
+    Raises:
+        InvalidArgumentError: if its shape is another, or an entry is no finite number.
+    """
+    array = as_array(argument, value)
+    if shapes and array.shape not in shapes:
+        raise InvalidArgumentError(f"{argument}.shape", array.shape, " or ".join(map(str, shapes)))
+    if array.dtype.kind not in "fiu" or not np.isfinite(array).all():
+        raise InvalidArgumentError(argument, value, "finite numbers")
+    return array.astype(float)
+
+
 def _described(annotation: Any) -> str:
     """Returns an annotation in words, such as "a whole number or None"."""
     origin, parts = typing.get_origin(annotation), typing.get_args(annotation)

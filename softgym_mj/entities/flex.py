@@ -13,6 +13,7 @@ from softgym_mj.entities.entity import Entity
 from softgym_mj.entities.mesh_distances import MeshDistances
 from softgym_mj.exceptions import InvalidArgumentError, check_number
 from softgym_mj.metrics import Array, lengths, namespace, taken
+from softgym_mj.validation import as_finite
 from softgym_mj.variations.parametric import Parametric
 
 # [kg] Mass of a held vertex. FleX gives held particles an infinite mass; with 10 kg the pull of the
@@ -203,12 +204,14 @@ class Flex(Entity, Parametric):
         return self.slide_velocities.copy()
 
     def set_points(self, positions: np.ndarray, velocities: np.ndarray | float = 0.0) -> None:
-        """Places the vertices: `positions` (num_points, 3) [m], `velocities` alike [m/s]."""
-        positions = np.asarray(positions, float).reshape(-1, 3)
-        if positions.shape != (self.num_points, 3) or not np.isfinite(positions).all():
-            raise InvalidArgumentError(
-                "positions", positions.shape, f"finite array of shape ({self.num_points}, 3)"
-            )
+        """Places the vertices: `positions` (num_points, 3) [m], `velocities` alike or 0 [m/s].
+
+        Raises:
+            InvalidArgumentError: for another shape, or a number that is not finite.
+        """
+        shape = (self.num_points, 3)
+        positions = as_finite("positions", positions, shape)
+        velocities = as_finite("velocities", velocities, shape, ())
         self.slides[:] = positions - self.origin
         self.slide_velocities[:] = velocities
 

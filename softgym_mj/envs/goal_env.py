@@ -10,7 +10,7 @@ from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.tasks.shared.goals import Goals, depends_on_goal, goals
 from softgym_mj.tasks.shared.observations import STATES, shows_goal
-from softgym_mj.validation import as_array, as_shaped
+from softgym_mj.validation import as_array, as_finite
 
 
 class GoalEnv(gymnasium.Wrapper, RecordConstructorArgs):
@@ -88,11 +88,8 @@ class GoalEnv(gymnasium.Wrapper, RecordConstructorArgs):
         if achieved.ndim not in (1, 2) or achieved.shape[-1] != size:
             valid = f"({size},) or (n, {size})"
             raise InvalidArgumentError("achieved_goal.shape", achieved.shape, valid)
-        desired = as_shaped("desired_goal", desired_goal, achieved.shape)
-        for name, goal in (("achieved_goal", achieved), ("desired_goal", desired)):
-            if goal.dtype.kind not in "fiu" or not np.isfinite(goal).all():
-                raise InvalidArgumentError(name, goal, "finite numbers")
-        return self._goals().reward(achieved, desired)
+        desired = as_finite("desired_goal", desired_goal, achieved.shape)
+        return self._goals().reward(as_finite("achieved_goal", achieved), desired)
 
     def _goals(self) -> Goals:
         own: Any = self.unwrapped  # Copies of this wrapper have another one.

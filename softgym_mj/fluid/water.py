@@ -11,7 +11,7 @@ from softgym_mj.native.library import FLUID, load_plugin
 from softgym_mj.rendering.look import FAST, WATER, Look
 from softgym_mj.rendering.skins import DRAWN_SKINS, loose_triangles
 from softgym_mj.rendering.surfaces import PARTICLES, WATER_INSTANCE, WATER_SKIN
-from softgym_mj.validation import typed
+from softgym_mj.validation import as_finite, typed
 from softgym_mj.variations.parametric import Parametric
 from softgym_mj.variations.randomization import (
     Parameter,
@@ -65,14 +65,11 @@ class Resolution:
         check_number("spacing", self.spacing, gt=0.0)
 
 
-def _check_particles(name: str, values: np.ndarray, shapes: tuple[tuple[int, ...], ...]):
-    shape = shapes[-1]
-    if values.shape not in shapes:
-        raise InvalidArgumentError(name, f"an array of shape {values.shape}", f"shape {shape}")
-    good = np.abs(values) <= LARGEST  # False for NaN.
-    if not good.all():
-        bad = float(values[~good][0])
-        raise InvalidArgumentError(name, bad, f"finite numbers in -{LARGEST:g}..{LARGEST:g}")
+def _as_particles(name: str, value: object, *shapes: tuple[int, ...]) -> np.ndarray:
+    """Returns positions or velocities as an array, after a check."""
+    result = as_finite(name, value, *shapes)
+    check_number(f"largest of {name}", float(np.abs(result).max(initial=0.0)), le=LARGEST)
+    return result
 
 
 class Water(composer.Entity, Parametric):
@@ -274,9 +271,8 @@ class Water(composer.Entity, Parametric):
             InvalidArgumentError: If a shape is wrong, or a number is not finite or beyond
                 +-10 km (km/s).
         """
-        positions, velocities = np.asarray(positions, float), np.asarray(velocities, float)
         shape = (self.num_points, 3)
-        _check_particles("positions", positions, (shape,))
-        _check_particles("velocities", velocities, ((), shape))
-        self._positions[:], self._velocities[:] = positions, velocities
+        positions = _as_particles("positions", positions, shape)
+        self._velocities[:] = _as_particles("velocities", velocities, shape, ())
+        self._positions[:] = positions
         self._known[:] = 0.0

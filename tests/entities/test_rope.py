@@ -8,6 +8,7 @@ import scipy.optimize
 import softgym_mj
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.rope import FIDELITIES, Rope
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.tasks.shared.starts.settling import SETTLED_SPEED
 from softgym_mj.tasks.shared.starts.twisted_rope import TwistedRope
 from softgym_mj.variations.indices import NUM_VARIATIONS
@@ -84,6 +85,29 @@ def test_shipped_states_stay_where_they_are(env):
             env.step(np.zeros(8))
         moved = np.linalg.norm(env.task.rope.points() - before, axis=1)
         assert moved.max() < SETTLED_SPEED * 0.8  # 0.8 s at less than the settled speed.
+
+
+@pytest.mark.parametrize(
+    ("positions", "velocities", "message"),
+    [
+        (lambda good: good.T, 0.0, r"positions.shape=\(3, 41\) .*\(41, 3\)"),
+        (lambda good: good.ravel(), 0.0, r"positions.shape=\(123,\)"),
+        (lambda good: "abc", 0.0, r"positions.shape=\(\)"),
+        (lambda good: good, np.nan, "velocities=nan .*finite numbers"),
+        (lambda good: good, np.zeros(5), r"velocities.shape=\(5,\) .*\(41, 3\) or \(\)"),
+    ],
+)
+def test_wrong_points_are_refused_and_move_nothing(positions, velocities, message):
+    rope, arena = Rope(), Arena("straighten_rope")
+    arena.attach(rope)
+    arena.compile(rope.timestep, rope)
+    before = rope.points()
+    good = rope.straight() + [0.0, 0.0, 0.5]
+    with pytest.raises(InvalidArgumentError, match=message):
+        rope.set_points(positions(good), velocities)
+    np.testing.assert_array_equal(rope.points(), before)
+    rope.set_points(good, np.ones((41, 3)))
+    np.testing.assert_array_equal(rope.points(), good)
 
 
 @pytest.mark.parametrize("fidelity", FIDELITIES)
