@@ -11,6 +11,7 @@ import numpy as np
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.registry import find
+from softgym_mj.validation import as_shaped
 
 BUDGET = 21_000  # Env steps per decision, over all iterations (paper).
 MOST_BUDGET = 10_000_000  # A population of this size needs 1 GiB.
@@ -86,6 +87,9 @@ class CEM:
         """Searches for the best sequence; yields each population and is sent its returns.
 
         The first population has the mean `guess` (horizon, size).
+
+        Raises:
+            InvalidArgumentError: for another number of returns, or NaN.
         """
         mean, variance = guess, np.full_like(guess, VARIANCE)
         best, best_return, steps = guess, -np.inf, 0
@@ -95,7 +99,9 @@ class CEM:
             noise = self._noise((self.population - len(kept_elites), *guess.shape), random)
             samples = np.clip(mean + np.sqrt(variance) * noise, -1.0, 1.0)
             samples = self._population(samples, kept_elites, mean, iteration)
-            returns = yield samples
+            returns = as_shaped("returns", (yield samples), (len(samples),))
+            if np.isnan(returns).any():
+                raise InvalidArgumentError("returns", returns, "numbers that are not NaN")
             steps += samples.shape[0] * self.horizon
             # A stable sort of the negated returns: the first of equals is the better one.
             elites = samples[np.argsort(-returns, kind="stable")[:count]]
@@ -146,15 +152,21 @@ class ICEM(CEM):
 PLANNERS = {"cem": CEM, "icem": ICEM}
 
 
-def make_planner(name: str, task: str, horizon: int | None = None, **settings) -> CEM:
-    """Returns a planner by name, with settings of `CEM`.
+def make_planner(
+    name: str,
+    task: str,
+    horizon: int | None = None,
+    budget: int = BUDGET,
+    iterations: int = ITERATIONS,
+) -> CEM:
+    """Returns a planner by name, with the settings of `CEM`; its horizon is the task's by default.
 
     Raises:
-        InvalidArgumentError: for an unknown planner or invalid settings.
+        InvalidArgumentError: for an unknown planner or an invalid setting.
     """
     check_name("planner", name, PLANNERS)
     usual = find(task).resolve().planning_horizon
-    return PLANNERS[name](usual if horizon is None else horizon, **settings)
+    return PLANNERS[name](usual if horizon is None else horizon, budget, iterations)
 
 
 def colored_noise(shape: tuple[int, ...], random: np.random.Generator) -> np.ndarray:

@@ -118,6 +118,21 @@ def test_bad_settings():
             make_planner(planner, "spread_cloth", **settings)
 
 
+@pytest.mark.parametrize(
+    ("returns", "message"),
+    [
+        (lambda number: np.r_[np.nan, np.zeros(number - 1)], "(?s)returns=.*not NaN"),
+        (lambda number: np.zeros(3), r"returns.shape=\(3,\).*\(20,\)"),
+    ],
+)
+def test_bad_returns(returns, message):
+    planner = make_planner("icem", "spread_cloth", horizon=5, budget=200, iterations=2)
+    search = planner.search(planner.first_guess(3), np.random.default_rng(0))
+    samples = next(search)
+    with pytest.raises(InvalidArgumentError, match=message):
+        search.send(returns(len(samples)))
+
+
 # ---------------------------------------------------------------- rollouts
 
 
