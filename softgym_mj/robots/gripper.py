@@ -14,7 +14,7 @@ from softgym_mj.robots.base import ActionSpace, BodyActor
 from softgym_mj.robots.grip import NONE, GripCommand, remembered
 from softgym_mj.robots.holding import Holding
 from softgym_mj.robots.workspace import ToolStart, Workspace
-from softgym_mj.validation import as_shaped
+from softgym_mj.validation import as_finite, as_shaped
 
 HELD = "held"  # Observation: uint8 (grippers,), 1 for each gripper that holds a vertex.
 MAX_DISPLACEMENT = 0.01  # [m] per axis and sim step: 1 m/s per axis (docs/softgym.md 2.1).
@@ -115,8 +115,12 @@ class Gripper(BodyActor):
         """Starts an episode: grippers open at `positions` (num_grippers, 3) [m] in `workspace`."""
 
     def order(self, points: np.ndarray) -> list[int]:
-        """Returns which of the points (num_grippers, 3) [m] each gripper should hold."""
-        return list(range(len(points)))
+        """Returns which of the points (num_grippers, 3) [m] each gripper should hold.
+
+        Raises:
+            InvalidArgumentError: for another shape, or a number that is not finite.
+        """
+        return [*range(len(as_finite("points", points, (self.num_grippers, 3))))]
 
     @abc.abstractmethod
     def take(self, vertices: Sequence[int]) -> None:

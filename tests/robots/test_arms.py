@@ -163,6 +163,24 @@ def test_info_says_where_the_reach_ends(case):
     assert env.info()["at_reach"] == 1
 
 
+def test_points_of_arms_are_checked():
+    env = make("straighten_rope/franka", arms=2, horizon=5)
+    env.reset(800)
+    actor = env.task.actor
+    left_first = np.array([[0.0, -0.1, 0.1], [0.0, 0.1, 0.1]])
+    assert actor.order(left_first) == [0, 1] and actor.order(left_first[::-1]) == [1, 0]
+    for call, message in (
+        (lambda: actor.within_reach(2, np.zeros(3)), r"i=2 .*0\.\.1"),
+        (lambda: actor.within_reach(-1, np.zeros(3)), r"i=-1 .*0\.\.1"),
+        (lambda: actor.within_reach(0, np.zeros(2)), r"point.shape=\(2,\) .*\(3,\)"),
+        (lambda: actor.within_reach(0, np.full(3, np.nan)), "point=.*finite numbers"),
+        (lambda: actor.order(np.zeros((3, 3))), r"points.shape=\(3, 3\) .*\(2, 3\)"),
+        (lambda: actor.order(np.full((2, 3), np.nan)), "(?s)points=.*finite numbers"),
+    ):
+        with pytest.raises(InvalidArgumentError, match=message):
+            call()
+
+
 def test_an_arm_that_is_sent_out_of_reach_goes_as_far_as_it_says():
     env = make("straighten_rope/sawyer", arms=1, horizon=1000)
     env.reset(800)

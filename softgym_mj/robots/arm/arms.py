@@ -22,6 +22,7 @@ from softgym_mj.robots.arm.pose_action import PoseAction
 from softgym_mj.robots.arm.position_action import PositionAction
 from softgym_mj.robots.gripper import Gripper
 from softgym_mj.robots.workspace import Workspace
+from softgym_mj.validation import as_finite
 
 ACTIONS: dict[str, type[ArmAction]] = {
     kind.name: kind for kind in (PositionAction, PoseAction, JointAction)
@@ -114,7 +115,12 @@ class Arms(ArmActor, Gripper):
         The point is clipped to the box `limits` and, beyond the arm's reach, moved straight towards
         the base at the same height. Joint limits may stop an arm earlier: a Franka 5 cm earlier,
         near the floor with its base 0.5 m high.
+
+        Raises:
+            InvalidArgumentError: for another index or shape, or a number that is not finite.
         """
+        check_count("i", i, 0, self.num_grippers - 1)
+        point = as_finite("point", point, (3,))
         return self.mounts[i].clip(np.clip(point, self._low, self._high))
 
     def _clip(self, points: np.ndarray) -> np.ndarray:
@@ -133,10 +139,8 @@ class Arms(ArmActor, Gripper):
         return positions
 
     def order(self, points: np.ndarray) -> list[int]:
-        """Returns the points in the order of the arms: each arm reaches for its own side."""
-        if self.num_grippers == 1 or points[0, 1] <= points[1, 1]:
-            return list(range(len(points)))
-        return [1, 0]
+        own = super().order(points)  # Each arm reaches for its own side.
+        return own if len(own) == 1 or points[0][1] <= points[1][1] else [1, 0]
 
     def place(self, positions: np.ndarray, workspace: Workspace) -> None:
         self._holding.reset()
