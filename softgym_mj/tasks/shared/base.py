@@ -28,6 +28,7 @@ from softgym_mj.tasks.shared.observations import (
 )
 from softgym_mj.tasks.shared.scene import Scene
 from softgym_mj.tasks.shared.state import Episode, Named, State
+from softgym_mj.validation import check_type
 from softgym_mj.variations.indices import SPLITS, Start, check_variation, generator
 from softgym_mj.variations.randomization import DomainRandomization
 from softgym_mj.variations.store import VariationStore
@@ -92,6 +93,7 @@ class Task(Definition):
         """
         checks.check_objects(objects, tool is not None)
         checks.check_workspace(self.workspace)
+        check_type("success", self.success, float)
         checks.check_symmetries(self.symmetries)
         if start is None and type(self).arrange is Task.arrange:
             raise InvalidArgumentError("start", start, "a Start, or a method `arrange` of the task")
@@ -180,6 +182,7 @@ class Task(Definition):
         checks.check_points(points, self.scene.arena)
         self.actor.begin(self.tool_start(points), self.flexes.points())
         self._episode = self._new_episode(points)
+        checks.check_goal(self._episode.goal)
         self.draw_goal(self._episode.goal)
         self.scene.note_strain(starts=True)
         self._measures = self._measured()

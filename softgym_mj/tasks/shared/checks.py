@@ -17,6 +17,7 @@ from softgym_mj.robots.workspace import Workspace
 from softgym_mj.tasks.shared import entries as listed
 from softgym_mj.tasks.shared.entries import Entries
 from softgym_mj.tasks.shared.symmetry import Turned
+from softgym_mj.validation import as_array, as_finite
 
 _NUMBERS = (float, int, np.floating, np.integer, np.bool_)  # A bool is an int.
 # Reserved names in info; other groups have a prefix.
@@ -92,6 +93,13 @@ def check_bounds(bounds: object) -> None:
     found = np.asarray(bounds, float)
     if found.shape != (2,) or not np.isfinite(found).all() or found[0] >= found[1]:
         raise InvalidArgumentError("bounds()", bounds, "(lower, upper) with lower < upper")
+
+
+def check_goal(goal: Mapping[str, object]) -> None:
+    """Raises `InvalidArgumentError` unless a goal consists of finite numbers, or bools."""
+    for name, value in goal.items():
+        if as_array(f"goal()[{name!r}]", value).dtype != bool:
+            as_finite(f"goal()[{name!r}]", value)
 
 
 def check_entries(method: str, entries: Entries) -> None:

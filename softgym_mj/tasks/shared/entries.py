@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from softgym_mj import metrics
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.metrics import Array
 from softgym_mj.tasks.shared.state import Episode, State
 
@@ -30,6 +30,7 @@ class Entry(NamedTuple):
 
 Entries = Mapping[str, Entry]  # By name.
 _EACH = {"numbers": "", "point": " (x, y, z)", "points": " (x, y, z each)"}
+_ROLES = "object", "goal", "other"
 
 
 def numbers(values: Array, unit: str = "") -> Entry:
@@ -51,7 +52,7 @@ def values(method: str, entries: Entries) -> list[Array]:
     """Returns the values of the entries that a task's method lists.
 
     Raises:
-        InvalidArgumentError: for an item that is no entry.
+        InvalidArgumentError: for an item that is no entry, or an entry whose values are no array.
     """
     if not isinstance(entries, Mapping):
         raise InvalidArgumentError(f"{method}()", entries, "a dict from names to entries")
@@ -59,6 +60,9 @@ def values(method: str, entries: Entries) -> list[Array]:
         if not isinstance(entry, Entry):
             valid = "an entry: `numbers`, `point` or `points` of softgym_mj.tasks"
             raise InvalidArgumentError(f"{method}()[{name!r}]", entry, valid)
+        check_name(f"role of {method}()[{name!r}]", entry.role, _ROLES)
+        if not hasattr(entry.values, "shape"):
+            raise InvalidArgumentError(f"{method}()[{name!r}]", entry.values, "an array")
     return [entry.values for entry in entries.values()]
 
 
