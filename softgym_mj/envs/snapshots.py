@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from softgym_mj.exceptions import InvalidArgumentError, SnapshotError
+from softgym_mj.exceptions import InvalidArgumentError, SnapshotError, check_count
 from softgym_mj.validation import check_type
 
 
@@ -63,6 +63,7 @@ def check_content(snapshot: Snapshot, physics_size: int, own: Mapping[str, Any])
         physics_size: length of the physics vector.
         own: `Task.get_state` of the running variation.
     """
+    check_count("step_count", snapshot.step_count, 0)
     state, size = snapshot.task, (physics_size,)
     if snapshot.physics.shape != size or not np.isfinite(snapshot.physics).all():
         raise ValueError(f"physics is expected to be {size} finite numbers")

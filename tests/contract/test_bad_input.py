@@ -338,6 +338,13 @@ def test_no_snapshot_at_all(env, snapshot):
     assert_refused(env, snapshot, "get_state", repr(snapshot))
 
 
+@pytest.mark.parametrize("steps", [-5, 2.5, None])
+def test_a_snapshot_after_no_number_of_env_steps(env, steps):
+    assert_refused(
+        env, dataclasses.replace(env.get_state(), step_count=steps), f"step_count={steps}"
+    )
+
+
 def parts(value, path=()):
     """The places in a snapshot: fields, entries of dicts."""
     if dataclasses.is_dataclass(value):
