@@ -72,7 +72,6 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
 
     Attributes:
         dm_env: the underlying dm_control environment.
-        horizon: env steps after which an episode is truncated.
         clip_actions: whether actions outside [-1, 1] are clipped; else they are rejected.
     """
 
@@ -115,7 +114,6 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         self.render_mode = render_mode
         check_image_size("render_size", render_size, LARGEST_IMAGE)
         self.dm_env = load(task, split=split, horizon=horizon, **task_kwargs)
-        self.horizon = self.dm_env.horizon
         check_name("camera", camera, camera_ids(self.dm_env.physics.model.ptr))
         self._view = CameraView(camera, *render_size)
         self._running = self._closed = False
@@ -131,6 +129,11 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         check_type("clip_actions", clip_actions, bool)
         self.clip_actions = clip_actions
         self._clipped = Clipping(self.action_space)
+
+    @property
+    def horizon(self) -> int:
+        """Env steps after which an episode is truncated."""
+        return self.dm_env.horizon
 
     @property
     def spec(self) -> EnvSpec | None:

@@ -101,6 +101,8 @@ def test_attributes_are_those_of_the_environments():
     assert envs.get_attr("horizon") == (2,) * 3
     envs.set_attr("mark", list("abc"))
     assert envs.call("get_wrapper_attr", "mark") == tuple("abc")
+    with pytest.raises(AttributeError, match="horizon"):  # Fixed when they are made.
+        envs.set_attr("horizon", 3)
     envs.close()
 
 
