@@ -34,7 +34,11 @@ STATES = "States are float64 in dm_env and float32 in Gymnasium.\n"
 PROPRIOCEPTION = """These entries end `reduced` and `full`, except with a cup.
 `pixel_pick_and_place` has those of gripper 0 of `picker`, also in `markov`.
 """
-MARKOV = "`markov` is `reduced`, then the memory of the actor, counted from its first entry:\n"
+MARKOV = """`markov` is `reduced`, then the memory of the actor, counted from its first entry. The
+tables of arms are for `action="position"`. With `"pose"` the commanded quaternion (w, x, y, z) of
+each tool follows; with `"joints"` the commanded joint positions [rad] of each arm replace the
+commanded points.
+"""
 OTHERS = """`cameras` (Gymnasium, with images) is the [calibration](arguments.md#cameras),
 `domain_*` the value of each [domain parameter](domain.md#parameters) that varies, `intersections`
 the number of self-intersections (`count_intersections=True`), `reward_*` a term of the reward
