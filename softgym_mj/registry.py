@@ -125,11 +125,18 @@ class TaskRecord:
             check_type(name, value, known[name])
 
     def build(self, **task_kwargs) -> "Task":
-        """Builds the task; raises the errors of `check_arguments`."""
+        """Builds the task.
+
+        Raises:
+            UnexpectedArgumentError, InvalidArgumentError: as `check_arguments`.
+            SoftGymError: if the class does not call the constructor of `Task`.
+        """
         self.check_arguments(task_kwargs)
         if task_kwargs.get("action_repeat") is None and "action_repeat" in self._overrides:
             task_kwargs["action_repeat"] = self._overrides["action_repeat"]
-        return self.resolve()(**task_kwargs)
+        task = self.resolve()(**task_kwargs)
+        task.root_entity  # noqa: B018  It raises an error if there is no scene.
+        return task
 
 
 def _unpacked(parameter: inspect.Parameter) -> type:

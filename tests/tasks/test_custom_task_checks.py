@@ -183,6 +183,16 @@ def test_the_scene_is_there_after_the_constructor():
         Early()
 
 
+def test_a_task_calls_the_constructor_of_task(register):
+    class Unfinished(Counting):
+        def __init__(self):
+            self.count = 0
+
+    register("unfinished", Unfinished, horizon=5)
+    with pytest.raises(SoftGymError, match="call super"):
+        softgym_mj.load("unfinished")
+
+
 def test_only_bodies_of_the_scene_confine_water():
     water = Water(Liquid(2e-4), Resolution(8, 0.018, (2, 2)))
     task = Counting(objects=[Cloth(dims=DIMS), water])
