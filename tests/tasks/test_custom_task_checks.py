@@ -97,8 +97,8 @@ BAD_METHODS = [
     ({"reduced": lambda *_: {"a": numbers(0.5)}}, r"reduced\(\)\['a'\]=0.5.*an array"),
     ({"reduced": lambda *_: {"a": point([0.0, 0.0, 0.0])}}, r"reduced\(\)\['a'\].*an array"),
     (
-        {"reduced": lambda *_: {"a": point(np.zeros(3), "objct")}},
-        r"role of reduced\(\)\['a'\]='objct'.*'object', 'goal', 'other'",
+        {"reduced": lambda *_: {"a": point(np.zeros(3), "owner")}},
+        r"role of reduced\(\)\['a'\]='owner'.*'object', 'goal', 'other'",
     ),
     ({"resize": lambda self, variation: None}, r"resize\(\)=None.*True if the model changed"),
     ({"goal": lambda *_: np.zeros(3)}, r"episode.goal=array.*a dict from names to arrays"),
