@@ -101,22 +101,29 @@ def as_shaped(argument: str, value: object, shape: tuple[int, ...]) -> np.ndarra
     return array
 
 
-def as_finite(argument: str, value: object, *shapes: tuple[int, ...]) -> np.ndarray:
-    """Converts a value to an array of finite numbers, float64, of one of several shapes.
+def as_finite(
+    argument: str, value: object, *shapes: tuple[int, ...], most: float = math.inf
+) -> np.ndarray:
+    """Converts a value to finite numbers (...) float64.
 
     Args:
         argument: Name of the argument.
         value: Number, sequence, array or tensor.
-        *shapes: The shapes; none for any.
+        *shapes: Accepted shapes; none for any.
+        most: Largest accepted absolute value.
 
     Raises:
-        InvalidArgumentError: if its shape is another, or an entry is no finite number.
+        InvalidArgumentError: if its shape is another, or an entry is no finite number or larger.
     """
     array = as_array(argument, value)
     if shapes and array.shape not in shapes:
         raise InvalidArgumentError(f"{argument}.shape", array.shape, " or ".join(map(str, shapes)))
-    if array.dtype.kind not in "fiu" or not np.isfinite(array).all():
-        raise InvalidArgumentError(argument, value, "finite numbers")
+    valid = "finite numbers" if math.isinf(most) else f"finite numbers in -{most:g}..{most:g}"
+    if array.dtype.kind not in "fiu":
+        raise InvalidArgumentError(argument, value, valid)
+    good = np.isfinite(array) & (np.abs(array) <= most)
+    if not good.all():
+        raise InvalidArgumentError(argument, array[~good][0].item(), valid)
     return array.astype(float)
 
 

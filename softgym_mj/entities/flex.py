@@ -204,14 +204,16 @@ class Flex(Entity, Parametric):
         return self.slide_velocities.copy()
 
     def set_points(self, positions: np.ndarray, velocities: np.ndarray | float = 0.0) -> None:
-        """Places the vertices: `positions` (num_points, 3) [m], `velocities` alike or 0 [m/s].
+        """Places the vertices: `positions` (num_points, 3) [m], `velocities` [m/s] alike.
+
+        A velocity (3,) is that of all vertices.
 
         Raises:
             InvalidArgumentError: for another shape, or a number that is not finite.
         """
         shape = (self.num_points, 3)
         positions = as_finite("positions", positions, shape)
-        velocities = as_finite("velocities", velocities, shape, ())
+        velocities = as_finite("velocities", velocities, shape, (3,), ())
         self.slides[:] = positions - self.origin
         self.slide_velocities[:] = velocities
 

@@ -65,13 +65,6 @@ class Resolution:
         check_number("spacing", self.spacing, gt=0.0)
 
 
-def _as_particles(name: str, value: object, *shapes: tuple[int, ...]) -> np.ndarray:
-    """Returns positions or velocities as an array, after a check."""
-    result = as_finite(name, value, *shapes)
-    check_number(f"largest of {name}", float(np.abs(result).max(initial=0.0)), le=LARGEST)
-    return result
-
-
 class Water(composer.Entity, Parametric):
     """Water in the world frame; `confine` makes bodies its walls.
 
@@ -272,7 +265,7 @@ class Water(composer.Entity, Parametric):
                 +-10 km (km/s).
         """
         shape = (self.num_points, 3)
-        positions = _as_particles("positions", positions, shape)
-        self._velocities[:] = _as_particles("velocities", velocities, shape, ())
+        positions = as_finite("positions", positions, shape, most=LARGEST)
+        self._velocities[:] = as_finite("velocities", velocities, shape, (), most=LARGEST)
         self._positions[:] = positions
         self._known[:] = 0.0
