@@ -9,7 +9,7 @@ import numpy as np
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cup import Cup
 from softgym_mj.entities.flex import Flex
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.fluid import Water
 from softgym_mj.metrics import Measures
 from softgym_mj.robots.base import SIM_STEP
@@ -103,8 +103,9 @@ def check_goal(goal: Mapping[str, object]) -> None:
 
 
 def check_entries(method: str, entries: Entries) -> None:
-    """Raises `InvalidArgumentError` for entries of the wrong shape, or not finite."""
+    """Raises `InvalidArgumentError` for entries of the wrong shape or role, or not finite."""
     for (name, entry), found in zip(entries.items(), listed.values(method, entries), strict=True):
+        check_name(f"role of {method}()[{name!r}]", entry.role, listed.ROLES)
         array = np.asarray(found, float)
         shaped = {
             "numbers": array.ndim == 1,

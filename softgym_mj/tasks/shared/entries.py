@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from softgym_mj import metrics
-from softgym_mj.exceptions import InvalidArgumentError, check_name
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.metrics import Array
 from softgym_mj.tasks.shared.state import Episode, State
 
@@ -30,7 +30,7 @@ class Entry(NamedTuple):
 
 Entries = Mapping[str, Entry]  # By name.
 _EACH = {"numbers": "", "point": " (x, y, z)", "points": " (x, y, z each)"}
-_ROLES = "object", "goal", "other"
+ROLES = "object", "goal", "other"
 
 
 def numbers(values: Array, unit: str = "") -> Entry:
@@ -60,7 +60,6 @@ def values(method: str, entries: Entries) -> list[Array]:
         if not isinstance(entry, Entry):
             valid = "an entry: `numbers`, `point` or `points` of softgym_mj.tasks"
             raise InvalidArgumentError(f"{method}()[{name!r}]", entry, valid)
-        check_name(f"role of {method}()[{name!r}]", entry.role, _ROLES)
         if not hasattr(entry.values, "shape"):
             raise InvalidArgumentError(f"{method}()[{name!r}]", entry.values, "an array")
     return [entry.values for entry in entries.values()]
