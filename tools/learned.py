@@ -31,7 +31,10 @@ STALE = {
       ("straighten_rope", "rope_configuration", "spread_cloth", "fold_crumpled_cloth")),
 }  # fmt: skip
 # Titles of methods whose names are no abbreviations.
-_TITLES = {"teacher_student": "teacher and student", "distill": "distillation", "wu": "Wu et al."}
+_TITLES = {
+    "teacher_student": "teacher and student", "distill": "distillation", "wu": "Wu et al.",
+    "drq": "DrQ", "planet": "PlaNet",
+}  # fmt: skip
 _KINDS = "policy on states", "on images + proprioception", "on images alone", "CEM"
 _SEEDS = 5  # Number of seeds of a row, unless the overview names another.
 # Colors of methods with their observations: those of Matplotlib without gray, and more.
