@@ -75,29 +75,25 @@ def check_type(argument: str, value: object, annotation: Any) -> None:
         raise InvalidArgumentError(argument, value, _described(annotation))
 
 
-def as_array(argument: str, value: object) -> np.ndarray:
+def as_array(argument: str, value: object, *shapes: tuple[int, ...]) -> np.ndarray:
     """Converts a number, sequence, array or tensor to an array (...).
 
+    Args:
+        argument: Name of the argument.
+        value: Number, sequence, array or tensor.
+        *shapes: Accepted shapes; none for any.
+
     Raises:
-        InvalidArgumentError: if NumPy cannot convert it: ragged lists, tensors that need gradients
-            or have a data type or device that NumPy lacks.
+        InvalidArgumentError: if its shape is another, or NumPy cannot convert it: ragged lists,
+            tensors that need gradients or have a data type or device that NumPy lacks.
     """
     try:
-        return np.asarray(value)
+        array = np.asarray(value)
     except Exception as error:  # The value's own class may raise any error.
         reason = f"{type(value).__name__}: {error}"
         raise InvalidArgumentError(f"{argument} is not an array of numbers: {reason}") from error
-
-
-def as_shaped(argument: str, value: object, shape: tuple[int, ...]) -> np.ndarray:
-    """Converts a value to an array (...) of this shape.
-
-    Raises:
-        InvalidArgumentError: if its shape is another, or NumPy cannot convert it.
-    """
-    array = as_array(argument, value)
-    if array.shape != shape:
-        raise InvalidArgumentError(f"{argument}.shape", array.shape, str(shape))
+    if shapes and array.shape not in shapes:
+        raise InvalidArgumentError(f"{argument}.shape", array.shape, " or ".join(map(str, shapes)))
     return array
 
 
@@ -115,9 +111,7 @@ def as_finite(
     Raises:
         InvalidArgumentError: if its shape is another, or an entry is no finite number or larger.
     """
-    array = as_array(argument, value)
-    if shapes and array.shape not in shapes:
-        raise InvalidArgumentError(f"{argument}.shape", array.shape, " or ".join(map(str, shapes)))
+    array = as_array(argument, value, *shapes)
     valid = "finite numbers" if math.isinf(most) else f"finite numbers in -{most:g}..{most:g}"
     if array.dtype.kind not in "fiu":
         raise InvalidArgumentError(argument, value, valid)

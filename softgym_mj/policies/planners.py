@@ -11,7 +11,7 @@ import numpy as np
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.registry import find
-from softgym_mj.validation import as_shaped
+from softgym_mj.validation import as_array
 
 BUDGET = 21_000  # Env steps per decision, over all iterations (paper).
 MOST_BUDGET = 10_000_000  # A population of this size needs 1 GiB.
@@ -99,7 +99,7 @@ class CEM:
             noise = self._noise((self.population - len(kept_elites), *guess.shape), random)
             samples = np.clip(mean + np.sqrt(variance) * noise, -1.0, 1.0)
             samples = self._population(samples, kept_elites, mean, iteration)
-            returns = as_shaped("returns", (yield samples), (len(samples),))
+            returns = as_array("returns", (yield samples), (len(samples),))
             if np.isnan(returns).any():
                 raise InvalidArgumentError("returns", returns, "numbers that are not NaN")
             steps += samples.shape[0] * self.horizon

@@ -14,7 +14,7 @@ from softgym_mj.robots.base import ActionSpace, BodyActor
 from softgym_mj.robots.grip import NONE, GripCommand, remembered
 from softgym_mj.robots.holding import Holding
 from softgym_mj.robots.workspace import ToolStart, Workspace
-from softgym_mj.validation import as_finite, as_shaped
+from softgym_mj.validation import as_array, as_finite
 
 HELD = "held"  # Observation: uint8 (grippers,), 1 for each gripper that holds a vertex.
 MAX_DISPLACEMENT = 0.01  # [m] per axis and sim step: 1 m/s per axis (docs/softgym.md 2.1).
@@ -165,8 +165,8 @@ class Gripper(BodyActor):
             InvalidArgumentError: for another shape.
         """
         number = self.num_grippers
-        arrays = [as_shaped(name, move, (number, 3)) for name, move in moves.items()]
-        return [*arrays, as_shaped("grips", grips, (number,))]
+        arrays = [as_array(name, move, (number, 3)) for name, move in moves.items()]
+        return [*arrays, as_array("grips", grips, (number,))]
 
     @abc.abstractmethod
     def positions(self) -> np.ndarray:
