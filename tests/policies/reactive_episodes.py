@@ -34,6 +34,13 @@ def play(task, names, variations, **settings):
     return env, scores, np.array(states)
 
 
+def of_arms(points, centers, commanded, held=(0, 0)):
+    """Returns "markov" of points and of two Franka arms, which hold what is in their hands."""
+    senses, grips = np.zeros(38), np.column_stack([held, np.zeros((2, 3))])
+    parts = (points, centers, senses, grips, commanded)
+    return np.concatenate([np.ravel(part) for part in parts])
+
+
 def entries(action):
     """Returns displacements (2, 3) as fractions of full speed, and grips (2,)."""
     action = action.reshape(2, 4)

@@ -8,7 +8,7 @@ import pytest
 from softgym_mj.policies import reactive
 from softgym_mj.policies.reactive.folding import ARMS, PICKERS, REST, SHORT
 from softgym_mj.policies.reactive.reach import BASE, OUTER
-from tests.policies.reactive_episodes import check_batches, entries, fast_or_all, play
+from tests.policies.reactive_episodes import check_batches, entries, fast_or_all, of_arms, play
 
 # [m] Corners of a cloth of 0.4 m: both ends of column 0, then of the last one.
 FLAT = np.array([[-0.2, y, 0.005] for y in (0.2, -0.2)] + [[0.2, y, 0.005] for y in (0.2, -0.2)])
@@ -87,21 +87,14 @@ def test_cloth_may_lie_at_any_angle():
     np.testing.assert_allclose(again, turned(moves), atol=1e-12)
 
 
-def seen_by_arms(corners, centers, commanded, grips=(0, 0)):
-    """Returns the observation "markov" (70,) of two Franka arms, which hold what is in them."""
-    senses, held = np.zeros(38), np.column_stack([grips, np.zeros((2, 3))])
-    parts = (corners, centers, senses, held, commanded)
-    return np.concatenate([np.ravel(part) for part in parts])
-
-
 def test_arms_brake_on_the_way_to_the_corners_on_their_sides():
     commanded = np.array([[-0.2, y, ARMS.low + 0.05] for y in (-0.2, 0.2)])
     lagging = commanded + [0.0, 0.0, 0.03]
-    moves, grips = entries(reactive.fold_cloth(seen_by_arms(FLAT, lagging, commanded)))
+    moves, grips = entries(reactive.fold_cloth(of_arms(FLAT, lagging, commanded)))
     np.testing.assert_allclose(0.08 * moves, [[0.0, 0.0, -0.6 * 0.05]] * 2, atol=1e-12)
     assert grips.tolist() == [-1.0, -1.0]
     there = np.array([[-0.2, y, ARMS.low] for y in (-0.2, 0.2)])
-    moves, grips = entries(reactive.fold_cloth(seen_by_arms(FLAT, there, there)))
+    moves, grips = entries(reactive.fold_cloth(of_arms(FLAT, there, there)))
     np.testing.assert_allclose(moves, 0.0, atol=1e-12)
     assert grips.tolist() == [1.0, 1.0]
 
@@ -115,14 +108,14 @@ def test_commanded_corners_move_on_a_half_circle_and_arms_release_when_they_have
     for lag in (0.0, 0.02):
         lagging = corners.copy()
         lagging[:2, 0] -= lag
-        state = seen_by_arms(lagging, lagging[[1, 0]], commanded, (1, 1))
+        state = of_arms(lagging, lagging[[1, 0]], commanded, (1, 1))
         moves, grips = entries(reactive.fold_cloth(state))
         following = radius * (math.cos(angle) - math.cos(angle - step))
         rise = ARMS.lower * radius * (math.sin(angle - step) - math.sin(angle))
         np.testing.assert_allclose(0.08 * moves, [[-following, 0.0, rise]] * 2, atol=1e-12)
         assert grips.tolist() == [1.0, 1.0]
     corners[:2] = FLAT[2:] * [1.0, 1.0, 0.0] + [-SHORT, 0.0, ARMS.landing]
-    state = seen_by_arms(corners, corners[[1, 0]], corners[[1, 0]], (1, 1))
+    state = of_arms(corners, corners[[1, 0]], corners[[1, 0]], (1, 1))
     assert entries(reactive.fold_cloth(state))[1].tolist() == [-1.0, -1.0]
 
 
@@ -130,13 +123,13 @@ def test_arms_grasp_the_side_of_the_cloth_where_they_reach_it_and_its_mirror_ima
     corners = np.array([[x, y, 0.005] for x in (-0.3, 0.3) for y in (0.45, 0.05)])
     x = math.sqrt(OUTER**2 - (BASE + 0.05) ** 2)  # The corner is sqrt(0.3^2 + 0.75^2) m away.
     grasps = np.array([[-x, 0.05, ARMS.low], [-0.3, 0.45, ARMS.low]])
-    moves, grips = entries(reactive.fold_cloth(seen_by_arms(corners, grasps, grasps)))
+    moves, grips = entries(reactive.fold_cloth(of_arms(corners, grasps, grasps)))
     np.testing.assert_allclose(moves, 0.0, atol=1e-12)
     assert grips.tolist() == [1.0, 1.0]
     laid = [[x + SHORT, 0.05, ARMS.landing], [0.3 + SHORT, 0.45, ARMS.landing]]
     # The corner hangs back from what the arm holds.
     corners[0], corners[1] = laid[1], np.array(laid[0]) - [0.3 - x, 0.0, 0.0]
-    state = seen_by_arms(corners, laid, laid, (1, 1))
+    state = of_arms(corners, laid, laid, (1, 1))
     assert entries(reactive.fold_cloth(state))[1].tolist() == [-1.0, -1.0]
 
 

@@ -14,7 +14,7 @@ from softgym_mj.policies.reactive.straightening import (
     PULLING,
     TRAVEL,
 )
-from tests.policies.reactive_episodes import check_batches, entries, fast_or_all, play
+from tests.policies.reactive_episodes import check_batches, entries, fast_or_all, of_arms, play
 
 STRIDE = 0.08  # [m] Displacement in an env step at full speed.
 NONE = np.zeros((2, 3))  # Offsets of what hands hold in themselves.
@@ -29,14 +29,6 @@ def of_pickers(keys, centers, held=(0, 0), offsets=NONE):
     """Returns the observation "markov" (44,) of two pickers."""
     grips = np.column_stack([held, offsets])
     return np.concatenate([np.ravel(part) for part in (keys, centers, grips)])
-
-
-def of_arms(keys, centers, held=(0, 0)):
-    """Returns the observation "markov" (88,) of two Franka arms, which are where they should be."""
-    grips = np.column_stack([held, NONE])
-    return np.concatenate(
-        [np.ravel(part) for part in (keys, centers, np.zeros(38), grips, centers)]
-    )
 
 
 def test_each_hand_goes_to_the_nearer_end_and_closes_just_beyond_it():
@@ -70,7 +62,7 @@ def test_held_ends_move_apart_about_the_middle_until_they_are_half_a_meter_apart
 
 def test_arms_turn_the_rope_so_that_each_end_is_on_its_side():
     ends = np.array([[-0.1, 0.0, ARMS.carry], [0.1, 0.0, ARMS.carry]])
-    moves, _ = entries(reactive.straighten_rope(of_arms(line(*ends), ends, (1, 1))))
+    moves, _ = entries(reactive.straighten_rope(of_arms(line(*ends), ends, ends, (1, 1))))
     way = np.array([0.0, 0.5]) - [0.2, 0.0]
     change = PULLING * way / np.linalg.norm(way)
     np.testing.assert_allclose(STRIDE * moves[:, :2], [-change, change], atol=1e-12)
@@ -80,12 +72,12 @@ def test_arms_turn_the_rope_so_that_each_end_is_on_its_side():
 def test_one_arm_draws_its_end_aside_if_the_ends_are_close_together():
     keys = line([0.0, 0.05, 0.006], [0.0, 0.0, 0.006])
     idle = np.array([[0.0, -ASIDE, TRAVEL], [0.0, 0.05 + ARMS.ahead, 0.006 + ARMS.above]])
-    moves, grips = entries(reactive.straighten_rope(of_arms(keys, idle)))
+    moves, grips = entries(reactive.straighten_rope(of_arms(keys, idle, idle)))
     np.testing.assert_allclose(moves, 0.0, atol=1e-12)
     assert grips.tolist() == [-1.0, 1.0]
     keys[0, 2] = ARMS.carry
     holding = np.array([idle[0], keys[0]])
-    moves, grips = entries(reactive.straighten_rope(of_arms(keys, holding, (0, 1))))
+    moves, grips = entries(reactive.straighten_rope(of_arms(keys, holding, holding, (0, 1))))
     np.testing.assert_allclose(moves, [[0.0, 0.0, 0.0], [0.0, CARRYING, 0.0]], atol=1e-12)
     assert grips.tolist() == [-1.0, 1.0]
 
@@ -94,13 +86,13 @@ def test_an_arm_lays_an_end_beyond_the_middle_if_the_other_arm_does_not_reach_it
     far = OUTER - 0.7 + 0.05
     keys = line([0.0, far, 0.006], [0.0, far + 0.2, 0.006])
     centers = np.array([[0.0, -ASIDE, TRAVEL], [0.0, far - ARMS.ahead, 0.006 + ARMS.above]])
-    _, grips = entries(reactive.straighten_rope(of_arms(keys, centers)))
+    _, grips = entries(reactive.straighten_rope(of_arms(keys, centers, centers)))
     assert grips.tolist() == [-1.0, 1.0]  # The arm at +Y takes the end for the other one.
     keys[0] = centers[1]
-    moves, grips = entries(reactive.straighten_rope(of_arms(keys, centers, (0, 1))))
+    moves, grips = entries(reactive.straighten_rope(of_arms(keys, centers, centers, (0, 1))))
     assert moves[1, 1] == pytest.approx(-CARRYING) and grips.tolist() == [-1.0, 1.0]
     keys[0] = centers[1] = [0.0, -ACROSS, ARMS.laid]
-    _, grips = entries(reactive.straighten_rope(of_arms(keys, centers, (0, 1))))
+    _, grips = entries(reactive.straighten_rope(of_arms(keys, centers, centers, (0, 1))))
     assert grips.tolist() == [-1.0, -1.0]
 
 
