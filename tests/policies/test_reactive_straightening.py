@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from softgym_mj.policies import reactive
-from softgym_mj.policies.reactive.reach import OUTER
+from softgym_mj.policies.reactive.reach import BASE, OUTER
 from softgym_mj.policies.reactive.straightening import (
     ACROSS,
     ARMS,
@@ -83,7 +83,7 @@ def test_one_arm_draws_its_end_aside_if_the_ends_are_close_together():
 
 
 def test_an_arm_lays_an_end_beyond_the_middle_if_the_other_arm_does_not_reach_its_own():
-    far = OUTER - 0.7 + 0.05
+    far = OUTER - BASE + 0.05
     keys = line([0.0, far, 0.006], [0.0, far + 0.2, 0.006])
     centers = np.array([[0.0, -ASIDE, TRAVEL], [0.0, far - ARMS.ahead, 0.006 + ARMS.above]])
     _, grips = entries(reactive.straighten_rope(of_arms(keys, centers, centers)))

@@ -1,10 +1,11 @@
 """Reach of arms near the floor, for reactive experts."""
 
 from softgym_mj.metrics import Array, constant, lengths, namespace
+from softgym_mj.robots.arm.models import FRANKA
 
-# [m] Distance of the bases, at -Y and +Y, from the middle (`robots.arm.models`); least and largest
+# [m] Distance of the bases, at -Y and +Y, from the middle, the same for all arms; least and largest
 # horizontal distance from its base at which a Franka, the shortest arm, holds something flat.
-BASE, INNER, OUTER = 0.7, 0.285, 0.765
+BASE, INNER, OUTER = FRANKA.distance, 0.285, 0.765
 
 
 def base(i: int, like: Array) -> Array:
