@@ -103,16 +103,12 @@ def _play_and_check(followed, solver, number, seed=0):
             each.check(solver, i)
 
 
-def test_an_environment_bends_a_plate_as_the_plugin_does():
-    followed = _Followed("spread_cloth", 803, domain="fabrics")
-    assert followed.env.task.domain.values["bend_weft"] > 0.0
-    solver = _solver([_model(followed.env)])
-    followed.place(solver, 0)
-    _play_and_check([followed], solver, 4)
-
-
-def test_an_environment_stiffens_as_the_plugin_does():
-    followed = _Followed("spread_cloth", 803, domain={"stiffening": 60.0})
+@pytest.mark.parametrize(
+    ("domain", "parameter"), [("fabrics", "bend_weft"), ({"stiffening": 60.0}, "stiffening")]
+)
+def test_an_environment_bends_plates_and_stiffens_as_the_plugin_does(domain, parameter):
+    followed = _Followed("spread_cloth", 803, domain=domain)
+    assert followed.env.task.domain.values[parameter] > 0.0
     solver = _solver([_model(followed.env)])
     followed.place(solver, 0)
     _play_and_check([followed], solver, 4)
