@@ -80,6 +80,12 @@ def _disk(tmp_path):
         yield disk
 
 
+@pytest.fixture(name="own_datasets")
+def _own_datasets(tmp_path, monkeypatch):
+    """Minari's datasets of a test are in its folder."""
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+
+
 @pytest.fixture(name="register")
 def _register():
     """`softgym_mj.register` for the time of a test."""

@@ -12,10 +12,7 @@ from softgym_mj import recording, registry
 from softgym_mj.cli import data
 from tests.command import output_of, status_of
 
-
-@pytest.fixture(autouse=True)
-def _own_datasets(tmp_path, monkeypatch):
-    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+pytestmark = pytest.mark.usefixtures("own_datasets")
 
 
 def test_the_command_line_records():

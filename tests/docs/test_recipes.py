@@ -33,10 +33,9 @@ HORIZON = 75  # Horizon of straighten_rope.
 
 
 @pytest.fixture(name="run")
-def _run(tmp_path, monkeypatch):
+def _run(tmp_path, monkeypatch, own_datasets):
     """Runs a recipe in a folder of its own; gives its variables."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
 
     def run(heading: str, number: int = 0) -> types.SimpleNamespace:
         file = tmp_path / "recipe.py"  # Workers that are started anew read it.

@@ -16,10 +16,7 @@ ROPE, NOISE = {"task": "straighten_rope", "observation": "reduced"}, 0.05
 # Indices of the grips of two pickers, as on the data sheet.
 GRIPS = [3, 7]
 
-
-@pytest.fixture(autouse=True)
-def _own_datasets(tmp_path, monkeypatch):
-    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+pytestmark = pytest.mark.usefixtures("own_datasets")
 
 
 @pytest.mark.parametrize(

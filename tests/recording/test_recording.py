@@ -16,10 +16,7 @@ from softgym_mj.recording import dataset_name, record
 from softgym_mj.recording.minari_format import chunk
 from softgym_mj.variations.indices import SPLITS
 
-
-@pytest.fixture(autouse=True)
-def _own_datasets(tmp_path, monkeypatch):
-    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+pytestmark = pytest.mark.usefixtures("own_datasets")
 
 
 @pytest.mark.parametrize(
