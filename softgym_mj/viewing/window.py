@@ -27,15 +27,15 @@ TARGET_RADIUS, SHELL = 0.012, 1.15
 DRIVEN_COLOR, OTHER_COLOR = (0.1, 0.9, 0.3, 0.4), (0.9, 0.9, 0.2, 0.2)
 
 
-def place_camera(camera: Any, env: Environment, name: str) -> None:
-    """Sets a free `mujoco.MjvCamera` to the view of a camera of the arena."""
-    _, axes = pose(env, name)
+def place_camera(camera: Any, env: Environment) -> None:
+    """Sets a free `mujoco.MjvCamera` to the view of the camera "task" of the arena."""
+    _, axes = pose(env, "task")
     forward, up = -axes[:, 2], axes[:, 1]
     camera.type = mujoco.mjtCamera.mjCAMERA_FREE
-    camera.lookat[:], distance = orbit(env, name)
+    camera.lookat[:], distance = orbit(env, "task")
     # A free camera uses the field of view of the model.
     model = env.physics.model.ptr
-    angles = np.deg2rad([model.camera(name).fovy[0], model.vis.global_.fovy]) / 2
+    angles = np.deg2rad([model.camera("task").fovy[0], model.vis.global_.fovy]) / 2
     camera.distance = distance * np.tan(angles[0]) / np.tan(angles[1])
     # For a view straight down, the picture's upward direction defines the azimuth.
     ahead = forward if np.hypot(*forward[:2]) > 1e-3 else up
@@ -109,7 +109,7 @@ class Window:
         with window:
             self._window, self._texts = window, None
             with window.lock():
-                place_camera(window.cam, session.env, "task")
+                place_camera(window.cam, session.env)
             session.on_frame = self._frame
             while window.is_running() and session.env.physics.model.ptr is model:
                 session.advance()
