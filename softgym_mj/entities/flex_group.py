@@ -12,7 +12,11 @@ _NONE = np.zeros((0, 3))
 
 
 class FlexGroup:
-    """Flexes whose vertices are numbered consecutively."""
+    """Flexes whose vertices are numbered consecutively.
+
+    Attributes:
+        flexes: Flexes in the order of their vertices.
+    """
 
     def __init__(self, flexes: Sequence[Flex]):
         """Groups flexes of the same scene.
@@ -20,26 +24,21 @@ class FlexGroup:
         Args:
             flexes: any number.
         """
-        self._flexes = tuple(flexes)
-
-    @property
-    def flexes(self) -> tuple[Flex, ...]:
-        """Flexes in the order of their vertices."""
-        return self._flexes
+        self.flexes = tuple(flexes)
 
     @property
     def num_points(self) -> int:
         """Number of all vertices."""
-        return sum(flex.num_points for flex in self._flexes)
+        return sum(flex.num_points for flex in self.flexes)
 
     @property
     def radius(self) -> float:
         """Largest contact radius [m]."""
-        return max(flex.radius for flex in self._flexes)
+        return max(flex.radius for flex in self.flexes)
 
     def owner(self, index: int) -> tuple[Flex, int]:
         """Returns the flex of a vertex, and the vertex's index there."""
-        for flex in self._flexes:
+        for flex in self.flexes:
             if index < flex.num_points:
                 return flex, index
             index -= flex.num_points
@@ -52,23 +51,23 @@ class FlexGroup:
     @property
     def vertex_ids(self) -> np.ndarray:
         """Indices (num_points,) of the vertices among all flex vertices of the model."""
-        return np.concatenate([flex.vertex_ids for flex in self._flexes])
+        return np.concatenate([flex.vertex_ids for flex in self.flexes])
 
     def points(self) -> np.ndarray:
         """Returns current vertex positions (num_points, 3) [m] in the world, a fresh array."""
-        return np.concatenate([_NONE, *(flex.points() for flex in self._flexes)])
+        return np.concatenate([_NONE, *(flex.points() for flex in self.flexes)])
 
     def fastest(self) -> float:
         """Returns the speed [m/s] of the fastest vertex."""
-        return max(float(highest_speed(flex.slide_velocities)) for flex in self._flexes)
+        return max(float(highest_speed(flex.slide_velocities)) for flex in self.flexes)
 
     def most_strained(self) -> float:
         """Returns the largest relative elongation of an edge; 0 without edges."""
-        return max((float(np.max(flex.edge_strain())) for flex in self._flexes), default=0.0)
+        return max((float(np.max(flex.edge_strain())) for flex in self.flexes), default=0.0)
 
     def displacements_from(self, point: np.ndarray) -> np.ndarray:
         """Returns vertex positions (..., num_points, 3) [m] relative to points (..., 3)."""
-        offsets = [flex.displacements_from(point) for flex in self._flexes]
+        offsets = [flex.displacements_from(point) for flex in self.flexes]
         return offsets[0] if len(offsets) == 1 else np.concatenate(offsets, axis=-2)
 
     def vertex(self, index: int) -> np.ndarray:
@@ -88,7 +87,7 @@ class FlexGroup:
 
     def release_all(self) -> None:
         """Releases all held vertices."""
-        for flex in self._flexes:
+        for flex in self.flexes:
             flex.release_all()
 
     def largest_gap(self, first: int, second: int) -> float:
