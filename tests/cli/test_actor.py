@@ -10,7 +10,7 @@ from softgym_mj.cli import commands
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.registry import TaskRecord
 from softgym_mj.viewing import window
-from tests.command import output_of
+from tests.command import output_of, status_of
 
 COMMANDS = ("rollout", "record", "view")
 
@@ -47,11 +47,7 @@ def test_a_rollout_plays_the_variations_and_names_the_default_grasp(monkeypatch)
 )
 def test_what_is_unknown_is_one_line(command, options, message, choices, capsys, monkeypatch):
     monkeypatch.setattr(window, "check_display", lambda task: None)
-    arguments = ["softgym-mj", command, "straighten_rope", *options.split()]
-    monkeypatch.setattr("sys.argv", arguments)
-    with pytest.raises(SystemExit) as exit_info:
-        commands.main()
-    assert exit_info.value.code == 1
+    assert status_of([command, "straighten_rope", *options.split()], monkeypatch) == 1
     error = capsys.readouterr().err
     assert error.startswith(f"InvalidArgumentError: {message}") and error.count("\n") == 1
     assert all(choice in error for choice in choices)

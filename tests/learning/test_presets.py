@@ -6,10 +6,10 @@ import re
 import pytest
 
 import softgym_mj
-from softgym_mj.cli import commands
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.registry import METHODS, find_preset, preset_names
 from softgym_mj.learning.setup import check_settings
+from tests.command import status_of
 
 CASES = [(method, preset) for method in METHODS for preset in preset_names(method)]
 
@@ -17,10 +17,7 @@ CASES = [(method, preset) for method in METHODS for preset in preset_names(metho
 def train(monkeypatch, *arguments):
     """Runs `softgym-mj train`, in which no environment can be created; returns the exit status."""
     monkeypatch.setattr("softgym_mj.make_vec", None)
-    monkeypatch.setattr("sys.argv", ["softgym-mj", "train", *arguments])
-    with pytest.raises(SystemExit) as ended:
-        commands.main()
-    return ended.value.code
+    return status_of(["train", *arguments], monkeypatch)
 
 
 # Updates per env step by the papers and their authors' code.

@@ -13,13 +13,13 @@ import zipfile
 import pytest
 
 import softgym_mj
-from softgym_mj.cli import commands
 from softgym_mj.evaluation import Configuration, evaluate
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.policies.episodes import play
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.recording import record
 from softgym_mj.viewing.session import Session
+from tests.command import status_of
 from tests.policies.test_saved_policies import exported
 
 SHORT = {"horizon": 2}
@@ -146,12 +146,9 @@ def test_the_command_line_trusts_who_says_so(command, tmp_path, monkeypatch, cap
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "datasets"))
     exported("policy.pt2")
-    arguments = ["softgym-mj", *command.split(), "--policy", "policy.pt2"]
+    arguments = [*command.split(), "--policy", "policy.pt2"]
     for more, status in ([], 1), (["--trust"], 0):
-        monkeypatch.setattr(sys, "argv", arguments + more)
-        with pytest.raises(SystemExit) as ended:
-            commands.main()
-        assert ended.value.code == status
+        assert status_of(arguments + more, monkeypatch) == status
     assert "InvalidArgumentError: policy='policy.pt2' is not loaded" in capsys.readouterr().err
 
 

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 from minari.dataset._storages.hdf5_storage import HDF5Storage
 
-from softgym_mj.cli import commands
 from softgym_mj.exceptions import StoreError
 from softgym_mj.recording import datasets, record, running
+from tests.command import status_of
 
 TASK, SHORT = "straighten_rope", {"horizon": 3}
 # Random actions from a generator that outlives episodes, and an end by SIGKILL.
@@ -143,10 +143,7 @@ def test_a_killed_command_goes_on(played, monkeypatch):
     assert killed.returncode == -signal.SIGKILL, killed.stderr
     assert local_datasets() == []
     monkeypatch.syspath_prepend(os.getcwd())
-    monkeypatch.setattr(sys, "argv", ["softgym-mj", *arguments])
-    with pytest.raises(SystemExit) as ended:
-        commands.main()
-    assert ended.value.code == 0 and played == [2, 3]
+    assert status_of(arguments, monkeypatch) == 0 and played == [2, 3]
     assert not list(pathlib.Path("datasets").glob(".*"))  # Nothing is left over.
     settings["observation"] = ["reduced", "rgb"]
     whole = record(TASK, range(4), "own_fuse:make", dataset="rope/whole-v0", **settings)
@@ -209,10 +206,7 @@ def test_recordings_are_not_mixed(policy, settings, named, played):
 
 
 def test_ctrl_c_says_how_to_go_on(capsys, monkeypatch):
-    monkeypatch.setattr(sys, "argv", ["softgym-mj", "record", TASK, "--policy", "zero"])
     played, stop = running.played, interrupt_after(2)
     monkeypatch.setattr(running, "played", lambda *how: (stop(how), played(*how))[1])
-    with pytest.raises(SystemExit) as ended:
-        commands.main()
-    assert ended.value.code == 130
+    assert status_of(["record", TASK, "--policy", "zero"], monkeypatch) == 130
     assert "interrupted; 1 episodes of straighten_rope are stored" in capsys.readouterr().err
