@@ -1,8 +1,6 @@
 """Symmetries of tasks: their oracles are the tasks' own measures, and simulations."""
 
 import dataclasses
-import pathlib
-import re
 
 import numpy as np
 import pytest
@@ -18,8 +16,8 @@ from softgym_mj.learning.training import Training
 from softgym_mj.tasks import anywhere, mirrored
 from softgym_mj.tasks.shared.observations import key_points, reduced
 from softgym_mj.tasks.shared.state import State
+from tests.custom_tasks import defined_with
 
-PAGE = pathlib.Path(__file__).parents[2] / "docs" / "custom_tasks.md"
 NUMBERS = {
     "straighten_rope": 32, "rope_configuration": 32, "spread_cloth": 64, "fold_cloth": 32,
     "fold_crumpled_cloth": 4, "drop_cloth": 4, "drop_fold_cloth": 4,
@@ -151,10 +149,7 @@ def test_what_has_none_is_refused():
 @pytest.fixture(name="gather_rope")
 def _gather_rope():
     """The custom task of the page."""
-    (code,) = re.findall(r"```python\n([^`]*class GatherRope[^`]*)```", PAGE.read_text())
-    namespace: dict = {"__name__": "page"}
-    exec(code, namespace)
-    return namespace["GatherRope"]
+    return defined_with("GatherRope")["GatherRope"]
 
 
 def test_the_custom_task_of_the_docs_is_the_same_in_all_its_forms(gather_rope):

@@ -1,26 +1,20 @@
 """A cup as the tool of a custom task: the example of docs/custom_tasks.md, by cup and by arm."""
 
-import pathlib
-import re
-
 import numpy as np
 import pytest
 
 import softgym_mj
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
+from tests.custom_tasks import defined_with
 
-PAGE = pathlib.Path(__file__).parents[2] / "docs" / "custom_tasks.md"
 TIPPED = 2.0  # [rad]
 
 
 @pytest.fixture(scope="module")
 def task():
     """The class that the page defines."""
-    (code,) = re.findall(r"```python\n([^`]*class WaterTheRope[^`]*)```", PAGE.read_text())
-    namespace: dict = {"__name__": "page"}
-    exec(code, namespace)
-    return namespace["WaterTheRope"]
+    return defined_with("WaterTheRope")["WaterTheRope"]
 
 
 @pytest.mark.parametrize("actor", ["cup", pytest.param("ur5e", marks=pytest.mark.slow)])

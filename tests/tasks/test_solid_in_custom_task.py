@@ -1,24 +1,17 @@
 """A solid in a task of one's own: the example of docs/custom_tasks.md, by pickers and by arms."""
 
-import pathlib
-import re
-
 import numpy as np
 import pytest
 
 from softgym_mj.envs.environment import Environment
 from softgym_mj.policies.factory import make_policy
-
-PAGE = pathlib.Path(__file__).parents[2] / "docs" / "custom_tasks.md"
+from tests.custom_tasks import defined_with
 
 
 @pytest.fixture(scope="module")
 def page():
     """Returns what the page's code defines."""
-    (code,) = re.findall(r"```python\n([^`]*class HangTowel[^`]*)```", PAGE.read_text())
-    namespace: dict = {"__name__": "page"}
-    exec(code, namespace)
-    return namespace
+    return defined_with("HangTowel")
 
 
 def played(page, actor, variation):
