@@ -31,18 +31,13 @@ class _Followed:
     @property
     def state(self):
         """State of the plugin by name."""
-        count, data = self.water.num_points, self.env.physics.data.ptr
-        model = self.env.physics.model.ptr
-        known, positions, velocities, rest = np.split(
-            data.plugin_state[model.plugin_stateadr[0] :], [1, 1 + 3 * count, 1 + 6 * count]
-        )
+        own = dict(self.water.state)
+        rest = own.pop("rest")
         # Poses, forces and impulses of each wall.
         walls = len(rest) // (7 + 6 + 6 if self.pushes else 7)
         poses, forces, pending = np.split(rest, [7 * walls, 13 * walls])
         return {
-            "known": known,
-            "positions": positions.reshape(-1, 3),
-            "velocities": velocities.reshape(-1, 3),
+            **own,
             "walls": poses.reshape(-1, 7),
             "forces": forces.reshape(-1, 6),
             "pending": pending.reshape(-1, 6),
