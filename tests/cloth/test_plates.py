@@ -74,20 +74,26 @@ def test_a_strip_at_45_degrees_bends_by_the_bias():
     assert ratio == pytest.approx(1 / 0.7, rel=0.06)
 
 
-def test_only_plates_say_so_in_their_model():
+def keys(cloth):
+    """Names of the attributes of the plugin in a model."""
+    return {config.key for config in cloth.mjcf_model.extension.plugin[0].instance[0].config}
+
+
+def test_only_plates_and_sheets_that_stiffen_say_so_in_their_model():
     """Models without them are what they were before there were any."""
-    for fabric, expected in ((Fabric(), set()), (Fabric.named("red_jet_set"), {"bend_weft"})):
-        root = Cloth(fabric=fabric).mjcf_model
-        keys = {config.key for config in root.extension.plugin[0].instance[0].config}
-        assert keys & {"bend_weft"} == expected
+    for fabric, expected in (
+        (Fabric(), set()),
+        (Fabric.named("red_jet_set"), {"bend_weft"}),
+        (Fabric(stiffening=20.0), {"stiffening"}),
+    ):
+        assert keys(Cloth(fabric=fabric)) & {"bend_weft", "stiffening"} == expected
 
 
 def test_a_plate_is_taken_back():
     cloth = Cloth(fabric=Fabric.named("red_jet_set"))
     values = {p.name: p.nominal for p in Fabric().parameters}
     assert cloth.adjust(values)
-    keys = {config.key for config in cloth.mjcf_model.extension.plugin[0].instance[0].config}
-    assert not keys & {"bend_weft", "bend_bias"}
+    assert not keys(cloth) & {"bend_weft", "bend_bias"}
 
 
 def test_a_plate_floats_without_gaining_energy():

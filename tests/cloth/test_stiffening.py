@@ -7,7 +7,6 @@ import pytest
 
 from softgym_mj.cloth.fabrics import FABRICS, STRETCHED
 from softgym_mj.entities import Fabric
-from softgym_mj.entities.cloth import Cloth
 from softgym_mj.reality.lab import theory
 from softgym_mj.reality.lab.meshes import strip
 from softgym_mj.reality.lab.specimen import Specimen
@@ -70,13 +69,6 @@ def test_knits_have_the_published_force_at_a_strain_of_a_sixth():
     force = fabric.stretch_stiffness * STRETCHED * (1.0 + fabric.stiffening * STRETCHED)
     assert force == pytest.approx(452.5 * 0.18056 * 1.16667, rel=1e-4)
     assert Fabric.named("white_dots", measured_stiffening=True).stiffening == 0.0
-
-
-def test_only_sheets_that_stiffen_say_so_in_their_model():
-    for fabric, expected in ((Fabric(), False), (Fabric(stiffening=20.0), True)):
-        root = Cloth(fabric=fabric).mjcf_model
-        keys = {config.key for config in root.extension.plugin[0].instance[0].config}
-        assert ("stiffening" in keys) == expected
 
 
 @pytest.mark.parametrize("mesh", ["grid_0", "unstructured"])
