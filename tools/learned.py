@@ -109,32 +109,28 @@ def others() -> str:
 
 
 def overview(docs: str) -> str:
-    """The matrix of a page from which `docs` leads to the folder docs, with its caption."""
+    """The matrix of a page from which `docs` leads to the folder docs, with its notes."""
     found = matrix()
     stale = (
         " \u2020: measured before the task's initial states changed." if "\u2020" in found else ""
     )
     lines = (
-        "*Cell*: median (quartiles) over five seeds unless it names another number, method, and "
-        f"[share of successes]({docs}glossary.md). The method is the one with the best held-out "
-        f"score among those of the column, which makes cells slightly optimistic.{stale} "
-        "Empty: not published.",
-        "*No action*: mean over the same 200 variations. It is above 0 where the start lies above "
-        "the lower bound (`straighten_rope`) or grippers release the cloth (`drop_cloth`, "
+        "*Cell*: median (quartiles) over seeds (five, unless the cell has another number); method; "
+        f"[success]({docs}glossary.md) rate. The method is the column's best by held-out score, "
+        f"which makes cells slightly optimistic.{stale} Empty: not published.",
+        "*No action*: mean over the 200 held-out variations. It is above 0 where the start lies "
+        "above the lower bound (`straighten_rope`) or grippers release the cloth (`drop_cloth`, "
         "`drop_fold_cloth`).",
-        "*Proprioception*: what the actor senses of itself; with grippers also whether each holds "
-        "the material.",
-        "*Distillation*: a student imitates a "
-        f"[published state policy]({docs}policies.md), so it can exceed the median of its "
-        f"teacher's training.{_taught_by_functions(docs)}",
-        "*CEM*: plans with the true dynamics and learns nothing; ten episodes.",
+        "*Proprioception*: positions or joints that the actor measures of itself; for grippers "
+        "also whether each holds the material.",
+        f"*Distillation*: a student imitates a teacher, one seed of a [state policy]({docs}"
+        "policies.md), so it can exceed the median over the teacher's seeds."
+        f"{_taught_by_functions(docs)}",
+        "*CEM*: planning in the simulator itself (true dynamics) without learning; ten episodes.",
         "Settings of `fold_cloth` and `drop_cloth` were chosen by held-out scores, which makes "
         "these rows optimistic.",
     )
-    return found and found + (
-        "\n\nNormalized performance of the last checkpoint at the last step of held-out "
-        "variations.\n\n" + "\n".join(f"- {line}" for line in lines)
-    )
+    return found and found + "\n\n" + "\n".join(f"- {line}" for line in lines)
 
 
 def _taught_by_functions(docs: str) -> str:
@@ -147,7 +143,8 @@ def _taught_by_functions(docs: str) -> str:
     students = sorted(done, key=lambda key: (order.index(key[0]), key[1] != DEFAULT_ACTOR, key))
     named = ", ".join(label(*key).replace(", ", " with ") for key in students)
     page = f"{docs}learning.md#from-a-state-policy-to-an-image-policy"
-    return f" [Hand-written experts]({page}) teach the students of {named}." if named else ""
+    experts = f"[Reactive experts]({page}), hand-written,"
+    return f" {experts} teach the students of {named}." if named else ""
 
 
 def matrix() -> str:
