@@ -142,7 +142,7 @@ def _taught_by_functions(docs: str) -> str:
     order = [*TASKS]
     students = sorted(done, key=lambda key: (order.index(key[0]), key[1] != DEFAULT_ACTOR, key))
     named = ", ".join(label(*key).replace(", ", " with ") for key in students)
-    page = f"{docs}learning.md#from-a-state-policy-to-an-image-policy"
+    page = f"{docs}learning.md#reactive-experts"
     experts = f"[Reactive experts]({page}), hand-written,"
     return f" {experts} teach the students of {named}." if named else ""
 
