@@ -15,8 +15,8 @@ SIZES = (60, 100)  # [particles] The upper end is exclusive (docs/softgym.md 5, 
 class DropCloth(HangingTask):
     """Drop a hanging cloth so that it lies flat in its place on the floor.
 
-    Goal: column i of SoftGym's particles at x = i rho, with rows centered about Y = 0. The two
-    pickers cannot get lower than 0.55 m, so the cloth has to be swung.
+    Goal: column i of SoftGym's particles lies at x = i rho, with rows centered about Y = 0. The two
+    pickers cannot move below 0.55 m, so the cloth must be swung.
     Actions: per picker dx, dy, dz (1 is 0.01 m per sim step) and grip (closes if > 0), each in [-1,
     1].
     Observations: `reduced` (default) lists corners p1 p2 p3 p4 and picker 0, picker 1 (x, y, z

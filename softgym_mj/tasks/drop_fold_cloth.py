@@ -17,10 +17,11 @@ class DropFoldCloth(HangingTask):
     1].
     Observations: `reduced` (default) lists corners p1 p2 p3 p4 and picker 0, picker 1 (x, y, z
     each): 18 entries [m]. `OBSERVATIONS` of `tasks.shared.observations` lists the others.
-    Reward = performance: -(mean distance of the pairs) - 1.2 (mean distance of the second half from
-    its place) [m]. SoftGym's place is the hanging cloth, which contradicts the paper's text.
+    Reward = performance: -(mean distance of the mirror pairs) - 1.2 (mean distance of the second
+    half from its place) [m], over SoftGym's particles. In SoftGym's code the place is the hanging
+    cloth, which contradicts its paper.
     Bounds: lower = performance at reset, upper = 0. Only distances count: a pile in the right place
-    scores 0.7; `outline_iou` and `wrinkle_height` in info tell it from a fold.
+    scores 0.7; `outline_iou` and `wrinkle_height` in info distinguish it from a fold.
     Horizon: 100 env steps of 8 sim steps; nothing else ends an episode.
     Start: the cloth hangs by the corners p1, p2 of column 0, 5 cm below picker 0 and picker 1,
     which hold them until an action with grip <= 0. Sides have 60 to 119 particles.

@@ -22,8 +22,8 @@ class FoldCrumpledCloth(LaidCloth):
     1].
     Observations: `reduced` (default) lists corners p1 p2 p3 p4 and picker 0, picker 1 (x, y, z
     each): 18 entries [m]. `OBSERVATIONS` of `tasks.shared.observations` lists the others.
-    Reward = performance: -(mean distance of the pairs) - 1.2 (mean distance of the second half from
-    its place) [m], over SoftGym's particles.
+    Reward = performance: -(mean distance of the mirror pairs) - 1.2 (mean distance of the second
+    half from its place) [m], over SoftGym's particles.
     Bounds: lower = performance at reset, upper = 0. The two layers lie 1 cm apart, so a perfect
     fold scores 0.96 to 0.98.
     Horizon: 100 env steps of 8 sim steps; nothing else ends an episode.

@@ -27,7 +27,7 @@ STACK = 0.1  # [m] Height up to which a vertex may lie over its place: loose sta
 class FoldShirt(Task):
     """Fold a shirt: sleeves in, then the hem over to the shoulders.
 
-    Goal: each sleeve is folded in about its armhole, then the lower half of the shirt over the
+    Goal: each sleeve is folded inward at its armhole, then the lower half of the shirt over the
     upper half, which has not moved.
     Actions: per picker dx, dy, dz (1 is 0.01 m per sim step) and grip (closes if > 0), each in [-1,
     1].
@@ -35,7 +35,8 @@ class FoldShirt(Task):
     each cuff, ends of the hem) and picker 0, picker 1 (x, y, z each): 39 entries [m].
     `OBSERVATIONS` of `tasks.shared.observations` lists the others.
     Reward = performance: -(mean distance of the shirt from its place) [m], over its area, in top
-    view; heights count above 10 cm. The terms of the reward are the shares of body and sleeves.
+    view; only heights above 10 cm add to a distance. The two terms of the reward are the parts of
+    this mean from the body and from the sleeves.
     Bounds: lower = performance at reset, upper = 0.
     Horizon: 200 env steps of 8 sim steps; nothing else ends an episode.
     Start: a T-shirt or a shirt with long sleeves, 0.34 to 0.44 m wide and 0.46 to 0.58 m long, lies

@@ -47,8 +47,8 @@ class HangCloth(Task):
     of the bar where less of it hangs, times its spread. Cloth on the floor, above the bar or not
     between the posts does not hang. Spread: the standard deviation of the towel along the bar,
     relative to that of its width when flat, at most 1. Approach a = 1 - |u| / |u at the start|: u
-    is the mean distance of the towel from the top of the bar, which is negative except beyond the
-    bar if the towel passes over it.
+    is the mean signed distance of the towel from the top of the bar. Distances of cloth beyond the
+    bar are positive if the towel passes over it; all others are negative.
     Bounds: lower = 0 (the start), upper = 1 (both halves hang, spread).
     Horizon: 100 env steps of 8 sim steps; nothing else ends an episode.
     Start: the towel, 0.36 to 0.5 m by 0.24 to 0.34 m, lies flat beside the bar, rotated by up to 10

@@ -28,7 +28,7 @@ class SpreadCloth(Task):
     Reward = performance: covered area in top view [m^2].
     Bounds: lower = area at reset; upper = area of the flat cloth, (dimx - 1)(dimy - 1) rho^2,
     measured like the performance, so a flat cloth scores 1 in every orientation. SoftGym's bound
-    adds half a particle on every side, which its measure of an axis-aligned cloth lacks
+    is half a particle larger on every side, so an axis-aligned flat cloth scores below 1 there
     (docs/softgym.md 5, row 30).
     Horizon: 100 env steps of 8 sim steps; nothing else ends an episode.
     Start: the cloth, with sides of 60 to 119 particles, is lifted by 0.5 to 1 m at a random vertex

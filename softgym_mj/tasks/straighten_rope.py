@@ -27,8 +27,8 @@ class StraightenRope(Task):
     0, picker 1 (x, y, z each): 36 entries [m]. `OBSERVATIONS` of
     `tasks.shared.observations` lists the others.
     Reward = performance: -|d - 0.5|, with the distance d of the end vertices [m].
-    Bounds: lower = -0.5 (the worst possible, not the start), upper = 0. The start lies well above
-    the lower bound: `initial_normalized_performance` in info.
+    Bounds: lower = -0.5 (the worst possible, not the start), upper = 0. The start scores well above
+    0: `initial_normalized_performance` in info.
     Horizon: 75 env steps of 8 sim steps; nothing else ends an episode.
     Start: the rope is dragged four times by a random vertex (docs/softgym.md 3.4); the two pickers
     start 0.1 m above the floor around the center of its bounding box. In 37 of the 1000 variations,
