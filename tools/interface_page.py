@@ -20,30 +20,32 @@ INTRODUCTION = """# Observations, actions and info
 The [data sheets](tasks/fold_cloth.md) list what differs between tasks. Their sizes are those of
 `fidelity="default"` and two grippers; [arguments](arguments.md) change them. The physics step is
 0.01 s; positions are in meters in the world frame, quaternions (w, x, y, z). Variations 0 to 799
-train, 800 to 999 evaluate. An episode ends after its horizon, and [before only if the simulation
+train, 800 to 999 evaluate. An episode ends after its horizon, or [earlier if the simulation
 diverges](arguments.md#how-episodes-end). Sides of a cloth are counted in SoftGym's particles, rho =
-0.00625 m apart: dimx columns along X, dimy rows.
+0.00625 m apart: dimx columns along X, dimy rows. Its corners are p1 and p2 (first and last row) of
+column 0, p3 and p4 of the last column.
 """
 ACTIONS = """All entries are in [-1, 1] and scaled to their range. A gripper is a picker or the hand
 of an arm. The [data sheets](tasks/fold_cloth.md#actions) list the actions of pickers and cups. Arms
-have the same with `action="position"` and [others](robots.md#actions) with `"pose"` and `"joints"`.
+have the same actions with `action="position"`, and [others](robots.md#actions) with `"pose"` and
+`"joints"`. Those of pick and place:
 """
 SIZES = "Sizes of actions and states, and the length of an episode, with the tasks' defaults:\n"
 STATE_SIZES = "reduced", "markov", "key_points", "full"
 STATES = "States are float64 in dm_env and float32 in Gymnasium.\n"
-PROPRIOCEPTION = """These entries end `reduced` and `full`, except with a cup.
+PROPRIOCEPTION = """`reduced` and `full` end with these entries, except for the actor `cup`.
 `pixel_pick_and_place` has those of gripper 0 of `picker`, also in `markov`.
 """
-MARKOV = """`markov` is `reduced`, then the memory of the actor, counted from its first entry. The
-tables of arms are for `action="position"`. With `"pose"` the commanded quaternion (w, x, y, z) of
-each tool follows; with `"joints"` the commanded joint positions [rad] of each arm replace the
-commanded points.
+MARKOV = """`markov` is `reduced`, then the actor's internal state. Indices count from the first
+entry after `reduced`. The tables of arms are for `action="position"`. With `"pose"` the commanded
+quaternion (w, x, y, z) of each tool follows; with `"joints"` the commanded joint positions [rad] of
+each arm replace the commanded points.
 """
 OTHERS = """`cameras` (Gymnasium, with images) is the [calibration](arguments.md#cameras),
 `domain_*` the value of each [domain parameter](domain.md#parameters) that varies, `intersections`
 the number of self-intersections (`count_intersections=True`), `reward_*` a term of the reward
-(the reward is their sum). *Secondary* metrics are those of other work; `softgym-mj evaluate`
-reports them.
+(the reward is their sum). *Secondary* metrics are not part of the reward, such as metrics of other
+work; `softgym-mj evaluate` reports them.
 """
 SUMMARIES = {
     **OBSERVATIONS,

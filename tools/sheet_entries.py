@@ -15,7 +15,7 @@ from tools import pages
 INFO = {
     "performance": "the task's metric",
     "normalized_performance": "the same, scaled to 0 at the lower and 1 at the upper bound; the "
-    "paper's score is that of the last step",
+    "value of the last step is the score of an episode",
     "success": "whether `normalized_performance` is at least the task's threshold",
     "is_success": "the same under the name that Stable-Baselines3 reads",
     "variation": "index of the variation",
@@ -24,38 +24,41 @@ INFO = {
     "max_edge_strain": "largest elongation of an edge, relative to its rest length",
     "episode_max_edge_strain": "largest `max_edge_strain` of the episode, its start included",
     "max_speed": "speed of the fastest vertex [m/s]; a warning is issued above 20 m/s",
-    "picks_held": "grippers that hold something",
+    "picks_held": "number of grippers that hold something",
     "dropped": "number of releases in this episode",
-    "yielded": "how many of these were releases under load",
-    "normalized_coverage": "secondary: covered area in top view over the flat cloth's, NC of VCD "
-    "(Lin et al., 2021)",
-    "normalized_improvement": "secondary: the same, scaled to 0 at the start, their NI",
+    "yielded": "number of these that were releases under load",
+    "normalized_coverage": "secondary: covered area in top view over that of the flat cloth: NC of "
+    "VCD (Lin et al., 2021)",
+    "normalized_improvement": "secondary: the same, scaled to 0 at the start: NI of VCD",
     "mean_corner_distance": "secondary: mean distance of the corners from their places in top "
     "view [m]",
     "outline_iou": "secondary: intersection over union of the covered and the goal's area in top "
     "view",
     "wrinkle_height": "secondary: height of the highest vertex above the place of the upper "
     "layer [m]",
-    "mean_point_error": "secondary: mean distance of the vertices from the goal's, from the better "
-    "end [m]; goal of `straighten_rope`: a straight rope with the middle and direction of the ends",
-    "rejected_moves": "sim steps of the last env step in which the cup was not allowed to move",
+    "mean_point_error": "secondary: mean distance of the vertices from those of the goal, counted "
+    "from the better end [m]; the goal of `straighten_rope` is a straight rope with the middle and "
+    "direction of the line between the ends",
+    "rejected_moves": "number of sim steps of the last env step in which the cup's move was "
+    "rejected",
     "end_point_distance": "distance of the two ends [m]",
     "initial_normalized_performance": "`normalized_performance` at reset",
     "distance_to_target": "distance of the cup from its goal [m]",
     "spilled": "fraction of the particles outside all cups",
     "fraction_in_cup": "fraction of the particles in the box of the moved cup",
     "fraction_in_target": "fraction of the particles in the box of the target cup",
-    "pair_distance": "mean distance of the pairs [m]",
-    "displacement": "mean distance of the second half from its target [m]",
-    "hanging_near": "fraction of the towel that hangs on the side of -X of the bar",
-    "hanging_far": "the same on the side of +X",
+    "pair_distance": "mean distance of the mirror pairs [m]",
+    "displacement": "mean distance of the second half from its place [m]",
+    "hanging_near": "fraction of the towel that hangs on the -X side of the bar",
+    "hanging_far": "the same on the +X side",
     "spread": "spread of the towel along the bar, 1 if it is as wide as when flat",
     "gates_passed": "fraction of the gates at pegs and clips that the rope passes",
-    "poured": "fraction of the particles in the target cup and not in the other",
-    "share": "fraction to be poured",
+    "poured": "fraction of the particles in the target cup and not in the moved cup",
+    "share": "fraction that is to be poured",
     "sim_steps": "sim steps that the last action took",
-    "ik_failures": "control steps in which the arm's controller found no joint velocities",
-    "at_reach": "commanded points at the limit of their arm's reach",
+    "ik_failures": "number of control steps in which the arm's controller found no joint "
+    "velocities",
+    "at_reach": "number of commanded points at the limit of their arm's reach",
 }
 # Keys of info that do not depend on the task, by what has them.
 COMMON = {

@@ -98,12 +98,12 @@ STATES = {
         full, "every point (zero-padded to the largest variation), then the grippers or cups"
     ),
     "reduced": StateObservation(
-        reduced, "the few numbers that describe the state, listed in the task's docstring"
+        reduced, "key points, sizes and the actor's position, listed on the task's data sheet"
     ),
     "markov": StateObservation(
         markov,
-        "`reduced`, then the actor's internal state: what grippers hold, the velocity of a cup, "
-        "commands of arms",
+        "`reduced`, then the actor's internal state: grips and positions of held vertices, the "
+        "velocity of a cup, commands of arms",
     ),
     "key_points": StateObservation(
         key_points,
