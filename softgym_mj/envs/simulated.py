@@ -26,6 +26,8 @@ class SimulatedEnvironment(composer.Environment):
         with blank_images():
             super()._recompile_physics_and_update_observables()
         self._model, self._data = self._physics.model.ptr, self._physics.data.ptr
+        found = self._task.observables.values()  # It takes long to collect them.
+        self._images = [image for image in found if hasattr(image, "views")]
 
     def _substep(self, action):
         for _ in range(self._task.actor.sim_steps or 1):  # Some actors need many for an action.
@@ -33,8 +35,7 @@ class SimulatedEnvironment(composer.Environment):
 
     def cameras(self) -> dict[str, Calibration]:
         """Returns the calibrations of the observed cameras by name, at their current poses."""
-        seen = (found for found in self._task.observables.values() if found.enabled)
-        views = (view for found in seen for view in getattr(found, "views", ()))
+        views = (view for image in self._images if image.enabled for view in image.views)
         return {view.camera: view.calibration(self._physics) for view in views}
 
     @property
