@@ -122,7 +122,7 @@ class Task(Definition):
         self._variation, self._chosen = 0, False
         self._episode: Episode | None = None
         self._stored: dict[str, np.ndarray] = {}
-        self._measures: Measures | None = None
+        self._evaluated: tuple[State, Measures] | None = None  # The last state, and its measures.
         self._named = False  # Whether names in info have been checked.
         self.arguments: dict[str, str] = {}
 
@@ -185,8 +185,8 @@ class Task(Definition):
         checks.check_goal(self._episode.goal)
         self.draw_goal(self._episode.goal)
         self.scene.note_strain(starts=True)
-        self._measures = self._measured()
-        initial = self._measures.performance
+        self._evaluate()
+        initial = self.last_evaluation.performance
         self._episode = dataclasses.replace(self._episode, initial_performance=initial)
         checks.check_bounds(self.bounds(self._episode))
         if not self._named:
@@ -201,8 +201,9 @@ class Task(Definition):
         """Returns an observation (n,) of the current state, one of `observations.STATES`."""
         return STATES[name].value(self, self.state(), self.episode)
 
-    def _measured(self) -> Measures:
-        return checks.checked(self.measure(self.state(), self.episode))
+    def _evaluate(self) -> None:
+        state = self.state()
+        self._evaluated = state, checks.checked(self.measure(state, self.episode))
 
     def initialize_episode_mjcf(self, random_state):
         if not self._chosen:  # As in composer's own Environment, which chooses none.
@@ -222,7 +223,7 @@ class Task(Definition):
     def after_step(self, physics, random_state):
         self.scene.check_finite()
         self.scene.note_strain()
-        self._measures = self._measured()
+        self._evaluate()
 
     def action_spec(self, physics) -> specs.BoundedArray:
         return self.actor.action_spec(physics)
@@ -237,17 +238,21 @@ class Task(Definition):
             self._episode = self._new_episode(self.scene.points())
         return self._episode
 
+    def _last(self) -> tuple[State, Measures]:
+        if self._evaluated is None:
+            raise LifecycleError("no episode has started: call reset() first")
+        return self._evaluated
+
     @property
     def last_evaluation(self) -> Measures:
         """Measures of the state after the last env step or reset."""
-        if self._measures is None:
-            raise LifecycleError("no episode has started: call reset() first")
-        return self._measures
+        return self._last()[1]
 
     def info(self) -> dict[str, np.generic]:
         """Returns NumPy scalars of the last evaluation; "reward_*" entries add up to the reward."""
+        state, measures = self._last()
         info = {
-            **self.describe(self.state(), self.episode, self.last_evaluation),
+            **self.describe(state, self.episode, measures),
             **self.diagnostics(),
             **self.actor.diagnostics(),
             **{f"domain_{name}": self.domain.values[name] for name in self.domain.varying},
@@ -258,7 +263,8 @@ class Task(Definition):
     @property
     def last_secondary_metrics(self) -> dict[str, float]:
         """Secondary metrics of the state after the last env step or reset."""
-        metrics = self.secondary_metrics(self.state(), self.episode, self.last_evaluation)
+        state, measures = self._last()
+        metrics = self.secondary_metrics(state, self.episode, measures)
         return {name: float(value) for name, value in metrics.items()}
 
     @property
@@ -300,4 +306,5 @@ class Task(Definition):
         self._episode = dataclasses.replace(self.episode, initial_performance=initial)
         self.scene.most_strained = state["most_strained"]
         self.actor.set_state(state["actor"])
-        self._measures = self._measured()
+        self.scene.note_strain()
+        self._evaluate()

@@ -1,6 +1,5 @@
 """`Scene`: the objects of a task and its actor, in an arena."""
 
-import math
 import warnings
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -35,8 +34,9 @@ class Scene:
         sensor: sensor of observed images.
         cups: the actor's cup, then those that stand still.
         flexes: vertices of all flexes, numbered consecutively: what grippers can hold.
-        most_strained: largest relative elongation of an edge at the end of an env step in this
-            episode, updated by `note_strain`.
+        strain: largest relative elongation of an edge after the last env step or reset, updated by
+            `note_strain`.
+        most_strained: largest `strain` of this episode.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class Scene:
             if thing not in self.flexes.flexes:
                 self.arena.attach(thing)
         self._present: dict[str, np.ndarray] = {}
-        self.most_strained = 0.0
+        self.strain = self.most_strained = 0.0
 
     @property
     def objects(self) -> tuple[Flex | Water | Cup, ...]:
@@ -149,9 +149,9 @@ class Scene:
             raise PhysicsError("the simulation has diverged")
 
     def note_strain(self, starts: bool = False) -> None:
-        """Updates the largest strain of an episode, which may have just started."""
-        before = -math.inf if starts else self.most_strained
-        self.most_strained = max(before, self.flexes.most_strained())
+        """Updates `strain` and that of an episode, which may have just started."""
+        self.strain = self.flexes.most_strained()
+        self.most_strained = self.strain if starts else max(self.most_strained, self.strain)
 
     def diagnostics(self, count_intersections: bool) -> dict[str, float | int]:
         """Returns scalars about the flexes, for info."""
@@ -165,7 +165,7 @@ class Scene:
                 stacklevel=2,
             )
         info = {
-            "max_edge_strain": self.flexes.most_strained(),
+            "max_edge_strain": self.strain,
             "episode_max_edge_strain": self.most_strained,
             "max_speed": speed,
         }
