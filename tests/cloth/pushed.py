@@ -12,6 +12,8 @@ from softgym_mj.cloth.solver import contacts
 from tests.cloth.flex_scene import Flex, FlexScene
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+# Targets, held vertices and goals of no grippers, for `ClothBatchSolver.step`.
+NO_GRIPPERS = np.zeros((1, 0, 3)), np.zeros((1, 0)), np.zeros((1, 0, 3))
 
 
 def body(

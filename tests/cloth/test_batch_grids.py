@@ -8,7 +8,7 @@ from softgym_mj.batch.gpu import GRIDS, SOLIDS
 from softgym_mj.cloth.batch_solver import ClothBatchSolver, describe
 from softgym_mj.exceptions import InvalidArgumentError
 from tests.cloth.flex_scene import WOVEN, rope, sheet, straight
-from tests.cloth.pushed import Pushed, body
+from tests.cloth.pushed import NO_GRIPPERS, Pushed, body
 from tests.scenes import solid_meshes
 
 FLEXES = {
@@ -28,7 +28,6 @@ SCENES = {
         <geom name="field" type="hfield" hfield="solid" pos="0 0 .1"/>
         <body pos=".12 0 .05" euler="0 0 170"><geom name="high" {MESH}/></body>""",
 }
-NONE = np.zeros((1, 0, 3)), np.zeros((1, 0)), np.zeros((1, 0, 3))
 
 
 def scene(flex: str, ground: str, **settings) -> Pushed:
@@ -56,7 +55,7 @@ def step_and_check(pushed: Pushed, number: int, device: CpuDevice | None = None)
     """Makes steps like the plugin's; returns how much each solid is pushed."""
     solver, forces = pushed.solver(device), np.zeros((len(pushed.solids), 3))
     for _ in range(number):
-        solver.step(*NONE, pushed.push({}))
+        solver.step(*NO_GRIPPERS, pushed.push({}))
         pushed.check(solver)
         own = pushed.forces()
         np.testing.assert_allclose(solver.solid_forces[0, :, :3], own, rtol=0.0, atol=1e-12)
@@ -84,7 +83,7 @@ def test_meshes_that_move_push_and_are_pushed_as_in_the_plugin(flex, mass):
     solver, pushes = pushed.solver(), 0
     for i in range(40):
         motion = pushed.push({"a": (0.1, 0.0, 0.1, 0.5, 0.3, 1.0)} if i < 20 else {})
-        solver.step(*NONE, motion)
+        solver.step(*NO_GRIPPERS, motion)
         pushed.check(solver)
         pushed.bodies.check(solver, motion)
         pushes += solver.solid_forces.any()
@@ -116,7 +115,7 @@ def test_the_kernel_with_grids_is_used_from_the_first_one_on():
     solver, found = scenes["ball"].solver(device), []
     for name in ("ball", "mesh", "ball"):
         solver.start(0, describe(scenes[name].model, [], solids=scenes[name].solids))
-        solver.step(*NONE, scenes[name].push({}))
+        solver.step(*NO_GRIPPERS, scenes[name].push({}))
         found.append((device.variant, solver.grown))
     (first, before), *others = found
     assert first == SOLIDS

@@ -9,7 +9,7 @@ from softgym_mj.cloth.batch_solver import ClothBatchSolver, SolidMotion, describ
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.vector.batch import static_solids
 from tests.cloth.flex_scene import WOVEN, rope, sheet, straight
-from tests.cloth.pushed import Pushed, body
+from tests.cloth.pushed import NO_GRIPPERS, Pushed, body
 
 # Shapes, one as large as the other.
 SHAPES = {
@@ -25,7 +25,6 @@ FLEXES = {
 }
 TURN = np.array([0.9, 0.1, 0.3, 0.2]) / np.sqrt(0.95)
 HEAVY = 2000.0  # [kg] Flexes do not move bodies of more than 1 t.
-NONE = np.zeros((1, 0, 3)), np.zeros((1, 0)), np.zeros((1, 0, 3))
 
 
 def scene(flex: str, shape: str) -> Pushed:
@@ -52,7 +51,7 @@ def test_solids_push_as_in_the_plugin(flex, shape):
     pushed = scene(flex, shape)
     solver, forces, moments = pushed.solver(), np.zeros((2, 3)), np.zeros((2, 3))
     for velocities in pushes(50):
-        solver.step(*NONE, pushed.push(velocities))
+        solver.step(*NO_GRIPPERS, pushed.push(velocities))
         pushed.check(solver)
         own = pushed.forces()
         np.testing.assert_allclose(solver.solid_forces[0, :, :3], own, rtol=0.0, atol=1e-12)
@@ -94,7 +93,7 @@ def test_static_solids_push_as_in_the_plugin(flex, shape, speed):
         whole = [np.insert(part, [0, 1], 0.0, axis=1) for part in motion]
         whole[0][0, [0, 2]] = still
         whole[3] = np.ones((1, 3))
-        solver.step(*NONE, SolidMotion(*whole))
+        solver.step(*NO_GRIPPERS, SolidMotion(*whole))
         pushed.check(solver)
         forces += abs(solver.solid_forces[0, :, :3])
     assert forces.max(axis=1).min() > 0.0
@@ -116,7 +115,7 @@ def test_bodies_that_give_way_push_and_are_pushed_as_in_the_plugin(mass, size):
     solver, pushes, faces = pushed.solver(), 0, 0
     for _ in range(50):
         motion = pushed.push({"a": (0.05, 0.0, -0.1, 0.0, 0.0, 0.0)})
-        solver.step(*NONE, motion)
+        solver.step(*NO_GRIPPERS, motion)
         pushed.check(solver)
         pushed.bodies.check(solver, motion)
         own = pushed.forces()
@@ -135,8 +134,8 @@ def test_a_state_with_solids_continues_in_any_environment():
             assert solver.sides.any()
             twin.set_state(0, solver.get_state(0))
         motion = pushed.push({"a": (0.05, 0.0, -0.1, 0.0, 0.0, 0.0)})
-        solver.step(*NONE, motion)
-        twin.step(*NONE, motion)
+        solver.step(*NO_GRIPPERS, motion)
+        twin.step(*NO_GRIPPERS, motion)
     np.testing.assert_array_equal(twin.qpos, solver.qpos)
     pushed.check(twin)
 
@@ -149,7 +148,7 @@ def test_a_solid_beside_the_center_of_mass_pushes_as_in_the_plugin():
     pushed = Pushed(FLEXES["cloth"], body("a", (0, 0, 0.05), HEAVY, *geoms, turn=TURN), solids="ab")
     solver = pushed.solver()
     for velocities in pushes(25):
-        solver.step(*NONE, pushed.push({"a": velocities["a"]}))
+        solver.step(*NO_GRIPPERS, pushed.push({"a": velocities["a"]}))
     moved = pushed.data.qpos[: solver.qpos.size]
     assert abs(moved).max() > 0.02
     # The plugin reads centers of mass, of which the batch computes the last digit otherwise.
@@ -164,7 +163,7 @@ def test_solids_that_do_not_touch_pass_through():
         pushed.model.geom_contype[pushed.solids] = pushed.model.geom_conaffinity[pushed.solids] = (
             touching
         )
-        solver.step(*NONE, pushed.push(velocities))
+        solver.step(*NO_GRIPPERS, pushed.push(velocities))
         pushed.check(solver)
 
 
@@ -173,7 +172,7 @@ def test_no_bit_depends_on_the_order_of_what_is_done_at_once(turns):
     pushed = scene("cloth", "capsule")
     solver = pushed.solver(CpuDevice(turns=turns))
     for velocities in pushes(25):
-        solver.step(*NONE, pushed.push(velocities))
+        solver.step(*NO_GRIPPERS, pushed.push(velocities))
         pushed.check(solver)
 
 
@@ -183,6 +182,6 @@ def test_solids_that_do_not_fit_are_refused():
         with pytest.raises(InvalidArgumentError, match=message):
             describe(pushed.model, [], solids=solids)
     with pytest.raises(InvalidArgumentError, match="motion"):
-        pushed.solver().step(*NONE)
+        pushed.solver().step(*NO_GRIPPERS)
     with pytest.raises(InvalidArgumentError, match="'solids': 1"):
         pushed.solver().load(describe(pushed.model, [], solids=pushed.solids[:1]))
