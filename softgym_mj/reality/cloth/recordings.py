@@ -114,11 +114,8 @@ def read_recording(folder: pathlib.Path, name: str) -> Recording:
 
 def _order(file: pathlib.Path) -> list[tuple[int, str]]:
     """Returns a key that orders numbers in names by value."""
-    return [(int(part), "") if part.isdecimal() else (-1, part) for part in _parts(file.name)]
-
-
-def _parts(name: str) -> list[str]:
-    return re.split(r"(\d+)", name)
+    parts = re.split(r"(\d+)", file.name)
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts]
 
 
 def _camera(file: pathlib.Path) -> tuple[np.ndarray, Rotation]:
