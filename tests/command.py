@@ -13,6 +13,11 @@ def output_of(*words: object) -> str:
     return done.output
 
 
+def error_of(*words: object) -> BaseException | None:
+    """Runs a command that fails; returns what it raises."""
+    return CliRunner().invoke(commands.app, [*map(str, words)]).exception
+
+
 def status_of(words: list[str], monkeypatch: pytest.MonkeyPatch) -> int:
     """Runs a command as the shell would; returns its exit status."""
     monkeypatch.setattr("sys.argv", ["softgym-mj", *words])

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from softgym_mj.batch import gpu
 from softgym_mj.cli import commands
 from softgym_mj.exceptions import InvalidArgumentError, UnavailableError
-from tests.command import output_of
+from tests.command import error_of, output_of
 
 
 @pytest.mark.parametrize("device", ["cpu", "host"])
@@ -43,13 +43,12 @@ def test_kernels_are_compiled_once(tmp_path, monkeypatch, kernels):
 
 
 def test_what_there_is_no_gpu_for():
-    failed = CliRunner().invoke(commands.app, ["compile", "--arch", "ninety"])
-    assert isinstance(failed.exception, InvalidArgumentError | UnavailableError)
+    error = error_of("compile", "--arch", "ninety")
+    assert isinstance(error, InvalidArgumentError | UnavailableError)
     if not torch.cuda.is_available():
         with pytest.raises(UnavailableError, match=r"no CUDA device.*'cpu' and 'host'"):
             gpu.CudaDevice()
-        failed = CliRunner().invoke(commands.app, ["compile"])
-        assert isinstance(failed.exception, UnavailableError)
+        assert isinstance(error_of("compile"), UnavailableError)
 
 
 def test_a_line_of_the_log_is_printed_once(monkeypatch, capsys):

@@ -23,7 +23,7 @@ from softgym_mj.policies.exported import export_policy
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.rendering.offscreen import CameraView
 from softgym_mj.vector.batch.backend import BatchBackend
-from tests.command import output_of
+from tests.command import error_of, output_of
 
 SHORT = {"horizon": 6, "fidelity": "fast"}
 PLANNING = Planning(horizon=3, budget=60, iterations=2, replan_every=2)
@@ -299,9 +299,8 @@ def test_the_command_line_evaluates(tmp_path, monkeypatch):
     monkeypatch.setattr(evaluation, "evaluate", interrupt)
     stopped = CliRunner().invoke(commands.app, arguments)
     assert stopped.exit_code == 130 and "the same command continues" in stopped.output
-    failed = CliRunner().invoke(commands.app, [*arguments[:2], "--task-settings", "[1]"])
-    assert isinstance(failed.exception, InvalidArgumentError)
-    assert "task_settings='[1]'" in str(failed.exception)
+    error = error_of(*arguments[:2], "--task-settings", "[1]")
+    assert isinstance(error, InvalidArgumentError) and "task_settings='[1]'" in str(error)
 
 
 def test_the_command_line_chooses_variations_and_actors(tmp_path):
@@ -328,10 +327,8 @@ def test_the_command_line_chooses_variations_and_actors(tmp_path):
             "task_settings: actor='ur5e' is not valid: expected 'franka', the value of --actor"
         ),
     }.items():
-        arguments = [*base, *options, "--out", str(tmp_path / "refused")]
-        failed = CliRunner().invoke(commands.app, arguments)
-        assert isinstance(failed.exception, InvalidArgumentError)
-        assert words in str(failed.exception)
+        error = error_of(*base, *options, "--out", tmp_path / "refused")
+        assert isinstance(error, InvalidArgumentError) and words in str(error)
 
 
 @pytest.mark.parametrize(

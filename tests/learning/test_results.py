@@ -8,9 +8,7 @@ import tomllib
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from softgym_mj.cli import commands
 from softgym_mj.envs.load import load
 from softgym_mj.evaluation.comparison import read_results
 from softgym_mj.evaluation.plots import new_figure
@@ -22,7 +20,7 @@ from softgym_mj.learning.results import Reference, Row
 from softgym_mj.learning.tables import table
 from softgym_mj.policies.planners import BUDGET
 from softgym_mj.registry import DOMAIN, TASKS, task_names
-from tests.command import output_of
+from tests.command import error_of, output_of
 from tools import learned
 from tools.queued_runs import QueuedRun, read_queue
 from tools.run_queue import waiting
@@ -341,10 +339,8 @@ def test_results_that_break_rules_are_not_merged(folder, rows, card, message):
     (training / "card.json").write_text(json.dumps(content | changed))
     with pytest.raises(StoreError, match=rf"(?s)training is not merged: .*{message}"):
         enter(training)
-    done = CliRunner().invoke(
-        commands.app, ["learning", "table", str(training), "--merge", "--results", str(folder)]
-    )
-    assert done.exit_code != 0 and results.read_rows(folder / "learning.csv") == []
+    error = error_of("learning", "table", training, "--merge", "--results", folder)
+    assert isinstance(error, StoreError) and results.read_rows(folder / "learning.csv") == []
 
 
 def test_several_observations_are_named_as_in_the_card(folder):
@@ -371,9 +367,7 @@ def test_results_without_their_other_files_are_not_merged(folder):
 
 
 def test_published_results_are_those_of_a_checkout(tmp_path):
-    done = CliRunner().invoke(commands.app, ["learning", "table", "--results", str(tmp_path)])
-    assert done.exit_code != 0
-    assert "pass --results" in str(done.exception)
+    assert "pass --results" in str(error_of("learning", "table", "--results", tmp_path))
 
 
 def test_long_fields_are_refused(tmp_path):

@@ -9,10 +9,8 @@ import imageio.v3 as imageio
 import mujoco
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import softgym_mj
-from softgym_mj.cli import commands
 from softgym_mj.exceptions import InvalidArgumentError, UnavailableError
 from softgym_mj.registry import TaskRecord
 from softgym_mj.rendering import photo
@@ -21,7 +19,7 @@ from softgym_mj.rendering.photo import shapes
 from softgym_mj.rendering.photo.materials import FINISHES, Clear, linear
 from softgym_mj.rendering.photo.scene import Scene
 from softgym_mj.rendering.textures import texture_of
-from tests.command import output_of
+from tests.command import error_of, output_of
 
 SIZE = 320  # Image size [pixels]: a rope is some pixels wide.
 # Tasks, and what of them is looked at: parts of names in the model.
@@ -179,9 +177,8 @@ def test_the_page_runs(monkeypatch, tmp_path):
 @pytest.mark.parametrize("module", ["mitsuba", "pyoidn"])
 def test_a_missing_extra_is_named(module, monkeypatch):
     monkeypatch.setitem(sys.modules, module, None)
-    result = CliRunner().invoke(commands.app, ["photo", "pour_water"])
-    assert isinstance(result.exception, UnavailableError)
-    assert "pip install '.[photo]'" in str(result.exception)
+    error = error_of("photo", "pour_water")
+    assert isinstance(error, UnavailableError) and "pip install '.[photo]'" in str(error)
 
 
 @pytest.mark.parametrize(
@@ -196,10 +193,9 @@ def test_a_missing_extra_is_named(module, monkeypatch):
 )
 def test_what_is_refused(options, message, monkeypatch, tmp_path):
     monkeypatch.setitem(softgym_mj.TASKS, "short", TaskRecord("straighten_rope", horizon=2))
-    command = ["photo", "short", "--samples", "1", "--out", str(tmp_path / "still.png")]
-    result = CliRunner().invoke(commands.app, [*command, *options.split()])
-    assert isinstance(result.exception, InvalidArgumentError)
-    assert message in str(result.exception)
+    command = ["photo", "short", "--samples", "1", "--out", tmp_path / "still.png"]
+    error = error_of(*command, *options.split())
+    assert isinstance(error, InvalidArgumentError) and message in str(error)
 
 
 def test_the_command_writes_stills_and_films(monkeypatch, tmp_path):

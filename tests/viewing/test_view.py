@@ -8,12 +8,10 @@ import types
 import mujoco
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from softgym_mj.cli import commands
 from softgym_mj.exceptions import InvalidArgumentError, UnavailableError
 from softgym_mj.viewing import camera, keys, window
-from tests.command import output_of
+from tests.command import error_of, output_of
 from tests.viewing.test_teleoperation import unhurried
 
 # ---------------------------------------------------------------------- keys, mouse, window
@@ -235,10 +233,10 @@ def test_a_viewer_that_cannot_start_points_to_the_browser():
 def test_without_a_display_the_command_points_to_the_browser(monkeypatch, recwarn):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    result = CliRunner().invoke(commands.app, ["view", "pour_water"])
-    assert isinstance(result.exception, UnavailableError)
-    assert "softgym-mj view pour_water --browser" in str(result.exception)
-    assert "softgym-mj rollout pour_water --video videos" in str(result.exception)
+    error = error_of("view", "pour_water")
+    assert isinstance(error, UnavailableError)
+    assert "softgym-mj view pour_water --browser" in str(error)
+    assert "softgym-mj rollout pour_water --video videos" in str(error)
     assert not [warning for warning in recwarn if "GLFW" in type(warning.message).__name__]
 
 
@@ -255,16 +253,14 @@ def test_the_command_tells_of_the_keys_and_opens_the_window(monkeypatch):
 
 
 def test_a_variation_that_does_not_exist_is_an_error():
-    result = CliRunner().invoke(commands.app, ["view", "pour_water", "--variation", "1000"])
-    assert isinstance(result.exception, InvalidArgumentError)
+    assert isinstance(error_of("view", "pour_water", "--variation", 1000), InvalidArgumentError)
 
 
 def test_a_missing_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "viser", None)
-    result = CliRunner().invoke(commands.app, ["view", "pour_water", "--browser"])
-    assert isinstance(result.exception, UnavailableError)
-    assert isinstance(result.exception, ImportError)
-    assert "pip install '.[viewer]'" in str(result.exception)
+    error = error_of("view", "pour_water", "--browser")
+    assert isinstance(error, UnavailableError) and isinstance(error, ImportError)
+    assert "pip install '.[viewer]'" in str(error)
 
 
 def test_the_page_lists_every_key():
