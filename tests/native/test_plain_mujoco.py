@@ -43,8 +43,7 @@ def played(model, state, steps=STEPS):
     """Positions after some steps from a state."""
     data = mujoco.MjData(model)
     mujoco.mj_setState(model, data, state, STATE)
-    for _ in range(steps):
-        mujoco.mj_step(model, data)
+    mujoco.mj_step(model, data, steps)
     return data.qpos
 
 
