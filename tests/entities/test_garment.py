@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from softgym_mj import assets, metrics
-from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.entities.fabric import AREA_DENSITY, THICKNESS, Fabric
 from softgym_mj.entities.garment import Garment
 from softgym_mj.robots.base import SIM_STEP
+from tests.scenes.alone import compiled
 
 RADIUS = THICKNESS / 2.0  # [m]
 
@@ -34,9 +34,7 @@ class Scene:
     """A sheet on the floor."""
 
     def __init__(self, sheet, start):
-        self.sheet, arena = sheet, Arena("cloth")
-        arena.attach(sheet)
-        self.physics = arena.compile(sheet.timestep, sheet)
+        self.sheet, self.physics = sheet, compiled(sheet)
         self.crossings = self._count = 0
         sheet.set_points(start)
 

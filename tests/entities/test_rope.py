@@ -6,12 +6,12 @@ import pytest
 import scipy.optimize
 
 import softgym_mj
-from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.rope import FIDELITIES, Rope
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.tasks.shared.starts.settling import SETTLED_SPEED
 from softgym_mj.tasks.shared.starts.twisted_rope import TwistedRope
 from softgym_mj.variations.indices import NUM_VARIATIONS
+from tests.scenes.alone import compiled
 
 
 @pytest.fixture(name="env", scope="module")
@@ -98,9 +98,8 @@ def test_shipped_states_stay_where_they_are(env):
     ],
 )
 def test_wrong_points_are_refused_and_move_nothing(positions, velocities, message):
-    rope, arena = Rope(), Arena("straighten_rope")
-    arena.attach(rope)
-    arena.compile(rope.timestep, rope)
+    rope = Rope()
+    compiled(rope)
     before = rope.points()
     good = rope.straight() + [0.0, 0.0, 0.5]
     with pytest.raises(InvalidArgumentError, match=message):
@@ -114,9 +113,7 @@ def test_wrong_points_are_refused_and_move_nothing(positions, velocities, messag
 def test_it_hangs_as_a_catenary_at_every_fidelity(fidelity):
     """Length 2 a sinh(w / 2 a) = 0.5 m for width w = 0.3 m; sag a (cosh(w / 2 a) - 1)."""
     rope = Rope(fidelity)
-    arena = Arena("straighten_rope")
-    arena.attach(rope)
-    physics = arena.compile(rope.timestep, rope)
+    physics = compiled(rope)
     first, last = rope.ends
     points = rope.straight() + [0.0, 0.0, 0.5]
     rope.set_points(points)

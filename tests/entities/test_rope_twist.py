@@ -4,16 +4,15 @@ import mujoco
 import numpy as np
 import pytest
 
-from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.rope import Rope
 from softgym_mj.exceptions import InvalidArgumentError
+from tests.scenes.alone import compiled
 
 
 def hanging(twist: float):
     """A rope of which both ends are held above the floor, and its physics."""
-    rope, arena = Rope("fast", twist=twist), Arena()
-    arena.attach(rope)
-    physics = arena.compile(rope.timestep, rope)
+    rope = Rope("fast", twist=twist)
+    physics = compiled(rope)
     points = rope.straight() + [0.0, 0.0, 0.3]
     rope.set_points(points)
     for end in rope.ends:

@@ -10,6 +10,7 @@ from softgym_mj.entities.fabric import THICKNESS
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.tasks.shared.starts.cloths import FlatCloth, HangingCloth
 from softgym_mj.variations.indices import NUM_VARIATIONS
+from tests.scenes.alone import compiled
 
 RADIUS = THICKNESS / 2.0  # [m]
 
@@ -22,12 +23,9 @@ def make(task, **kwargs):
     return softgym_mj.load(task, **{"split": "evaluate", "fidelity": "fast", **kwargs})
 
 
-def compiled(dims, fidelity="default"):
-    from softgym_mj.entities.arena import Arena
-
-    cloth, arena = Cloth(dims=dims, fidelity=fidelity), Arena("cloth")
-    arena.attach(cloth)
-    arena.compile(0.01, cloth)
+def compiled_cloth(dims, fidelity="default"):
+    cloth = Cloth(dims=dims, fidelity=fidelity)
+    compiled(cloth)
     return cloth
 
 
@@ -60,7 +58,7 @@ def measured(env):
 
 @pytest.mark.parametrize("fidelity", ["fast", "default", "accurate"])
 def test_particles_are_softgyms(fidelity):
-    cloth = compiled((61, 80), fidelity)
+    cloth = compiled_cloth((61, 80), fidelity)
     particles = cloth.particles(cloth.flat())
     assert particles.shape == (80, 61, 3)
     x = 0.00625 * (np.arange(61) - 30)
@@ -84,7 +82,7 @@ def slow_fold(sheet, reference):
 @pytest.mark.parametrize("columns", [6, 7])
 def test_folds_are_measured_as_by_a_slow_loop(columns):
     random = np.random.default_rng(columns)
-    cloth = compiled((60 + columns, 65), "fast")
+    cloth = compiled_cloth((60 + columns, 65), "fast")
     points, goal = random.normal(size=(2, cloth.num_points, 3))
     sheet, reference = cloth.particles(points), cloth.particles(goal)
     measures = metrics.fold(cloth.arrays, points, reference)
@@ -107,7 +105,7 @@ def test_folds_are_measured_as_by_a_slow_loop(columns):
 )
 def test_a_flat_cloth_has_softgyms_initial_performance(dimx, fidelity, expected):
     """The bound of docs/softgym.md 3.7, by hand."""
-    cloth = compiled((dimx, 70), fidelity)
+    cloth = compiled_cloth((dimx, 70), fidelity)
     cloth.set_points(cloth.flat(angle=0.3))
     measures = metrics.fold(cloth.arrays, cloth.points(), cloth.particles())
     assert measures.performance == pytest.approx(expected, abs=1e-9)
@@ -140,7 +138,7 @@ def test_a_perfect_fold_scores_one_less_its_layer(task):
 @pytest.mark.parametrize("fidelity", ["fast", "default"])
 def test_the_performance_of_a_shape_does_not_depend_on_the_resolution(fidelity):
     """A cloth bent to a half pipe, whatever the number of its vertices."""
-    cloth = compiled((91, 61), fidelity)
+    cloth = compiled_cloth((91, 61), fidelity)
     x, y, _ = cloth.flat().T
     radius = cloth.size[0] / np.pi
     angle = x / radius

@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 
 import softgym_mj
 from softgym_mj.entities import Fabric
-from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cloth import DEFAULT_DIMS, Cloth
 from softgym_mj.exceptions import InvalidArgumentError, SnapshotError
 from softgym_mj.variations.randomization import (
@@ -18,6 +17,7 @@ from softgym_mj.variations.randomization import (
     shifted_parameter,
     tinted,
 )
+from tests.scenes.alone import compiled
 
 # Attributes of the cloth plugin, and the domain parameters of a cloth that they are.
 MATERIAL = {
@@ -161,12 +161,6 @@ def test_the_cloth_has_what_was_drawn():
         for key, name in MATERIAL.items():
             assert float(material[key]) == values[name]
     assert seen[0] != seen[1]
-
-
-def compiled(cloth):
-    arena = Arena("cloth")
-    arena.attach(cloth)
-    return arena.compile(cloth.timestep, cloth)
 
 
 @pytest.mark.xfail(strict=True, reason="200 and 800 N/m give 0.45 and 1.38 times the force")
