@@ -106,8 +106,9 @@ def workspace(actor: Picker) -> str:
     sentences = (
         f"Workspace of a picker's center: {numbers(high[0] - low[0])} m along X, "
         f"{numbers(high[1] - low[1])} m along Y, Z from {numbers(low[2])} to "
-        f"{numbers(high[2])} m. A closing picker grasps the nearest vertex within "
-        f"{numbers(actor.pick_distance, digits=5)} m of its center ({hand}: {PICK_DISTANCE:g} m)."
+        f"{numbers(high[2])} m. A closed picker that holds nothing grasps the nearest vertex "
+        f"within {numbers(actor.pick_distance, digits=5)} m of its center ({hand}: "
+        f"{PICK_DISTANCE:g} m)."
     )
     return textwrap.fill(sentences, 120, break_on_hyphens=False) + "\n"
 
@@ -160,7 +161,7 @@ def sheet(name: str) -> str:
     sizes = (f"`{key}` {spec.shape[0]}" for key, spec in env.observation_spec().items())
     parts = [
         f"# {name}\n",
-        f"{record.summary} [Observations, actions and info](../interface.md).\n",
+        f"{record.summary} Symbols and keys: [Observations, actions and info](../interface.md).\n",
         f"![The scripted expert](../videos/{name}.webp)\n",
         table(("property", "value"), facts.items()),
         "## Goal and reward\n",
@@ -175,7 +176,8 @@ def sheet(name: str) -> str:
         text["Horizon"],
         workspace(task.actor) if isinstance(task.actor, Picker) else "",
         "## Observations\n",
-        f"[Sizes](../interface.md#observations): {', '.join(sizes)}. `reduced`, the default:\n",
+        f"Sizes of [observations](../interface.md#observations): {', '.join(sizes)}. `reduced`, "
+        "the default:\n",
         entry_table(reduced_entries(task)),
         "`full`:\n",
         entry_table(full_entries(env)),

@@ -23,8 +23,8 @@ class DropCloth(HangingTask):
     each): 18 entries [m]. `OBSERVATIONS` of `tasks.shared.observations` lists the others.
     Reward = performance: -(mean distance of the particles from their places) [m].
     Bounds: lower = performance at reset, upper = 0.
-    Horizon: 30 env steps of 16 sim steps; nothing else ends an episode. The paper has 15 of 32
-    (`horizon=15, action_repeat=32`).
+    Horizon: 30 env steps of 16 sim steps; nothing else ends an episode. The paper has 15 env
+    steps of 32 sim steps (`horizon=15, action_repeat=32`).
     Start: the cloth hangs by the corners p1, p2 of column 0, 5 cm below picker 0 and picker 1,
     which hold them until an action with grip <= 0. Sides have 60 to 99 particles.
     """

@@ -17,10 +17,10 @@ class PourWater(PouringTask):
     whole; `rejected_moves` in info counts them over the sim steps of an env step.
     Observations: `reduced` (default), 13 entries: cup x, z [m], theta [rad]; its inner length,
     width, height; target x and its height, inner length, width; height of the highest particle [m];
-    fractions in the target's box and in the cup's. SoftGym's target entry moves with the cup; ours
-    is its position. `full`: all particles (x, y, z each [m]), zeros up to the largest sample of the
-    fidelity (8788 times 1/2, 1 or 2), then each cup's pose and inner size, and the proprioception
-    of an arm. `OBSERVATIONS` of `tasks.shared.observations` lists the others.
+    fractions in the target's box and in the cup's. SoftGym's target entry moves with the cup; here
+    it is the target's position. `full`: all particles (x, y, z each [m]), zeros up to the largest
+    sample of the fidelity (8788 times 1/2, 1 or 2), then each cup's pose and inner size, and the
+    proprioception of an arm. `OBSERVATIONS` of `tasks.shared.observations` lists the others.
     Reward = performance: fraction of particles inside the target's box and outside the cup's, so
     lowering the cup into the target does not count. The cup's box rotates with it; SoftGym's stays
     axis-aligned.

@@ -39,9 +39,9 @@ class PourWaterAmount(PouringTask):
     Observations: `reduced` (default), 15 entries: cup x, z [m], theta [rad]; its inner length,
     width, height; target x and its height, inner length, width; height of the highest particle [m];
     fractions in the target's box and in the cup's; height of the red bar [m] and t. SoftGym's
-    target entry moves with the cup; ours is its position. `full`: all particles (x, y, z each [m]),
-    zeros up to the largest sample of the fidelity (8788 times 1/2, 1 or 2), then each cup's pose
-    and inner size, the height of the bar, t, and the proprioception of an arm.
+    target entry moves with the cup; here it is the target's position. `full`: all particles (x, y,
+    z each [m]), zeros up to the largest sample of the fidelity (8788 times 1/2, 1 or 2), then each
+    cup's pose and inner size, the height of the bar, t, and the proprioception of an arm.
     `OBSERVATIONS` of `tasks.shared.observations` lists the others.
     Reward = performance: -|floor(N t) - N_poured| / N with N particles, of which those inside the
     target's box and outside the cup's are poured. The cup's box rotates with it; SoftGym's stays

@@ -32,8 +32,8 @@ class SpreadCloth(Task):
     (docs/softgym.md 5, row 30).
     Horizon: 100 env steps of 8 sim steps; nothing else ends an episode.
     Start: the cloth, with sides of 60 to 119 particles, is lifted by 0.5 to 1 m at a random vertex
-    and dropped. The two pickers start 0.2 m above the center of its bounding box, higher above a
-    high pile: our piles are higher than SoftGym's.
+    and dropped. The two pickers start 0.2 m above the center of its bounding box, or higher above
+    a high pile; piles are higher than SoftGym's.
     """
 
     summary = "Spread a crumpled cloth on the floor."

@@ -36,7 +36,7 @@ class TransportWater(Task):
 
     Goal: the cup at x = 1.2 m with all water in it. The goal is the same in every variation.
     Actions: dx in [-1, 1] (1 is 0.011 m per sim step). The cup slides along X within [-0.25, 1.4]
-    m; moves are clipped to these limits, which SoftGym's walls exceed by a step.
+    m; moves are clipped to these limits, which the cup in SoftGym can exceed by one step.
     Observations: `reduced` (default), 7 entries: cup x, its inner length, width and height, height
     of the highest particle [m], fractions in the cup and outside. `full`: all particles (x, y, z
     each [m]), zeros up to the largest sample of the fidelity (8788 times 1/2, 1 or 2), then the
