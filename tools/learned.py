@@ -3,7 +3,7 @@
 import io
 import itertools
 import pathlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -108,24 +108,37 @@ def others() -> str:
     return table(f"| task | {titles} |", lines)
 
 
-def overview(docs: str) -> str:
-    """The matrix of a page from which `docs` leads to the folder docs, with its notes."""
-    found = matrix()
+def summary() -> str:
+    """The matrix of README, with medians and methods alone, and what its columns are."""
+    found = matrix(_short)
+    notes = (
+        "A cell has the median over three or five seeds and the method, the column's best, which "
+        "makes it slightly optimistic; empty: not published. *Proprioception*: what the actor "
+        "measures of itself. *Distillation*: a student imitates a state policy or a hand-written "
+        "expert. *CEM*: planning in the simulator itself, mean of ten episodes. *No action* scores "
+        "above 0 where the start lies above the lower bound or grippers release the cloth."
+    )
+    return found and f"{found}\n\n{notes}"
+
+
+def overview() -> str:
+    """The matrix of docs/results.md, with its notes."""
+    found = matrix(_cell)
     stale = (
         " \u2020: measured before the task's initial states changed." if "\u2020" in found else ""
     )
     lines = (
         "*Cell*: median (quartiles) over seeds (five, unless the cell has another number); method; "
-        f"[success]({docs}glossary.md) rate. The method is the column's best by held-out score, "
+        "[success](glossary.md) rate. The method is the column's best by held-out score, "
         f"which makes cells slightly optimistic.{stale} Empty: not published.",
         "*No action*: mean over the 200 held-out variations. It is above 0 where the start lies "
         "above the lower bound (`straighten_rope`) or grippers release the cloth (`drop_cloth`, "
         "`drop_fold_cloth`).",
         "*Proprioception*: positions or joints that the actor measures of itself; for grippers "
         "also whether each holds the material.",
-        f"*Distillation*: a student imitates a teacher, one seed of a [state policy]({docs}"
-        "policies.md), so it can exceed the median over the teacher's seeds."
-        f"{_taught_by_functions(docs)}",
+        f"*Distillation*: a student imitates a teacher, one seed of a [state policy]"
+        "(policies.md), so it can exceed the median over the teacher's seeds."
+        f"{_taught_by_functions()}",
         "*CEM*: planning in the simulator itself (true dynamics) without learning; ten episodes.",
         "Settings of `fold_cloth` and `drop_cloth` were chosen by held-out scores, which makes "
         "these rows optimistic.",
@@ -133,7 +146,7 @@ def overview(docs: str) -> str:
     return found and found + "\n\n" + "\n".join(f"- {line}" for line in lines)
 
 
-def _taught_by_functions(docs: str) -> str:
+def _taught_by_functions() -> str:
     """Returns a sentence on published students of a function instead of a saved policy."""
     runs, own = read_queue(RESULTS / "queue.toml"), rows()
     done = {
@@ -142,22 +155,24 @@ def _taught_by_functions(docs: str) -> str:
     order = [*TASKS]
     students = sorted(done, key=lambda key: (order.index(key[0]), key[1] != DEFAULT_ACTOR, key))
     named = ", ".join(label(*key).replace(", ", " with ") for key in students)
-    page = f"{docs}learning.md#reactive-experts"
-    experts = f"[Reactive experts]({page}), hand-written,"
+    experts = "[Reactive experts](learning.md#reactive-experts), hand-written,"
     return f" {experts} teach the students of {named}." if named else ""
 
 
-def matrix() -> str:
+def matrix(cell: Callable[[Mapping[str, Any]], str]) -> str:
     """A table of the best published score of each task and actor by kind of policy.
 
     It is empty until a learner has final rows. Planners are listed with the paper's budget only.
+
+    Args:
+        cell: returns the text of a result.
     """
     lines = [line for line in numbers_of(rows()) if line["preset"] != "small"]
     if all(line["method"] in PLANNERS for line in lines):
         return ""
     cells: dict[tuple[str, str], dict[str, str]] = {}
     for line in sorted(lines, key=lambda line: line["median"]):  # The best one overwrites others.
-        cells.setdefault((line["task"], line["actor"]), {})[_kind(line)] = _cell(line)
+        cells.setdefault((line["task"], line["actor"]), {})[_kind(line)] = cell(line)
     nothing = {(task, DEFAULT_ACTOR): score for task, score in idle().items()}
     found = [
         _row(
@@ -198,14 +213,23 @@ def _kind(line: Mapping[str, Any]) -> str:
 
 
 def _cell(line: Mapping[str, Any]) -> str:
-    """Text of a result in the overview."""
+    """Text of a result, with its quartiles, in the overview."""
     shown = _ranged(line, "median", "percentile_25", "percentile_75") + _mark(line)
     if line["method"] in PLANNERS:
         return f"{shown}<br>success {line['success_rate']:.2f}"
     number = line["seeds"]
     seeds = "" if number == _SEEDS else f", {number} seed{'s' if number > 1 else ''}"
-    method = _TITLES.get(line["method"], line["method"].upper())
-    return f"{shown}<br>{method}{seeds}; success {line['success_rate']:.2f}"
+    return f"{shown}<br>{_title(line)}{seeds}; success {line['success_rate']:.2f}"
+
+
+def _short(line: Mapping[str, Any]) -> str:
+    """Text of a result, its median, in README."""
+    method = "" if line["method"] in PLANNERS else f" {_title(line)}"
+    return f"{line['median']:z.2f}{_mark(line)}{method}"
+
+
+def _title(line: Mapping[str, Any]) -> str:
+    return _TITLES.get(line["method"], line["method"].upper())
 
 
 def _mark(line: Mapping[str, Any]) -> str:

@@ -232,7 +232,7 @@ def pages() -> dict[pathlib.Path, str]:
     """Returns the text of each page with current tables."""
     scores: experts.Scores = measured("experts")
     named: tuple[tuple[pathlib.Path, dict[str, Callable[[], str]]], ...] = (
-        (ROOT / "README.md", {"learned": lambda: learned.overview("docs/"),
+        (ROOT / "README.md", {"learned": learned.summary,
                               "tasks": lambda: overview(scores),
                               "reality": reality_table.summary}),
         (DOCS / "robots.md", {"speed": arm_speeds}),
@@ -249,7 +249,7 @@ def pages() -> dict[pathlib.Path, str]:
         (DOCS / "recipes.md", {"lerobot": lerobot_table.scores}),
         (DOCS / "validation.md", {"experts": lambda: experts.table(scores)}),
         (DOCS / "commands.md", {"commands": published_commands.commands}),
-        (DOCS / "results.md", {"overview": lambda: learned.overview(""), "learned": learned.results,
+        (DOCS / "results.md", {"overview": learned.overview, "learned": learned.results,
                                "others": learned.others}),
     )  # fmt: skip
     texts = {}

@@ -168,12 +168,12 @@ def test_the_overview_is_there_once_something_was_learned(monkeypatch):
     ]
     monkeypatch.setattr(learned, "rows", lambda: planned)
     monkeypatch.setattr(learned, "idle", lambda: {"fold_cloth": 0.25})
-    assert learned.overview("docs/") == ""
+    assert learned.overview() == ""
     worse = [
         dataclasses.replace(row, replay="plain", normalized_performance=0.1) for row in _training()
     ]
     monkeypatch.setattr(learned, "rows", lambda: [*planned, *worse, *_training()])
-    head, _, *rows = learned.overview("docs/").splitlines()[:4]
+    head, _, *rows = learned.overview().splitlines()[:4]
     images = "on images + proprioception | on images alone"
     assert head == f"| task | no action | policy on states | {images} | CEM |"
     best = "0.50 (0.40 to 0.90)<br>SAC; success 0.40"
@@ -181,14 +181,17 @@ def test_the_overview_is_there_once_something_was_learned(monkeypatch):
         "| `fold_cloth` | 0.25 | | | | 0.90<br>success 1.00 |",
         f"| `straighten_rope` | | {best} | | | |",
     ]
+    short = learned.summary().splitlines()[2:4]
+    cells = "| `fold_cloth` | 0.25 | | | | 0.90 |", "| `straighten_rope` | | 0.50 SAC | | | |"
+    assert short == [*cells]
     alone = [row for row in _training() if not row.seed]
     monkeypatch.setattr(learned, "rows", lambda: alone)
-    assert "SAC, 1 seed; success" in learned.overview("docs/")
+    assert "SAC, 1 seed; success" in learned.overview()
     for observation, cells in (("rgb+held", "| | {} | | |"), ("rgb", "| | | {} | |")):
         image = [dataclasses.replace(row, observation=observation) for row in _training()]
         monkeypatch.setattr(learned, "rows", lambda image=image: image)
         best = "0.50 (0.40 to 0.90)<br>SAC; success 0.40"
-        assert cells.format(best) in learned.overview("docs/")
+        assert cells.format(best) in learned.overview()
 
 
 def test_what_doing_nothing_scores_is_of_all_held_out_variations():
