@@ -18,6 +18,7 @@ from softgym_mj.rendering.batch import Pictures, describe
 from tests.cloth import test_batch_arms as arms
 from tests.cloth import test_batch_grids as grids
 from tests.cloth import test_batch_solver as cloth
+from tests.cloth.pushed import NO_GRIPPERS
 from tests.fluid import test_batch_solver as water
 
 THREADS = 16  # Threads of a block: two groups of eight lanes.
@@ -97,9 +98,9 @@ def lie_and_check(file, flex, steps):
         if i == 30 - steps:
             emulated.set_state(0, solver.get_state(0))
         motion = pushed.push({})
-        solver.step(*grids.NONE, motion)
+        solver.step(*NO_GRIPPERS, motion)
         if i >= 30 - steps:
-            emulated.step(*grids.NONE, motion)
+            emulated.step(*NO_GRIPPERS, motion)
             pushed.check(emulated)
             assert emulated.solid_forces.any(axis=(0, 2)).all()
     assert emulated.flags[0] == 0
