@@ -4,10 +4,12 @@ import dm_env
 import gymnasium
 import numpy as np
 import pytest
+from dm_control import suite
 from gymnasium.utils.env_checker import check_env
 
 import softgym_mj
 from softgym_mj.entities.views import VIEWS
+from softgym_mj.registry import SUITES
 from softgym_mj.tasks.shared.observations import OBSERVATIONS
 
 # Fast objects keep the contract tests short; the contract does not depend on the resolution.
@@ -136,6 +138,16 @@ def test_the_episode_ends_at_the_horizon_and_restarts(task):
     ]  # fmt: skip
     assert steps[1].discount == 1.0  # A time limit is not a terminal state.
     assert env.task.variation in range(800, 1000)
+
+
+def test_dm_control_suite_loads_the_tasks():
+    listed = [name for domain in SUITES for name in suite._DOMAINS[domain].SUITE]
+    assert set(listed) >= set(softgym_mj.TASKS)
+    env = suite.load("softgym", "spread_cloth", {"split": [801], "random": 1, "fidelity": "fast"})
+    env.reset()
+    assert env.task.variation == 801
+    assert env.physics.model.ncam >= 2
+    assert suite.load("cartpole", "balance").action_spec().shape == (1,)
 
 
 @few_cases
