@@ -3,6 +3,7 @@
 import functools
 from typing import Unpack
 
+import gymnasium
 import numpy as np
 import pytest
 import torch
@@ -285,6 +286,14 @@ def test_rows_grow_with_what_is_put_into_them():
     np.testing.assert_array_equal(others.whole["a"], [found[2], np.zeros((2, 3))])
     rows.put(0, {"a": np.zeros((0, 0)), "b": {"c": 1}})
     assert not rows.whole["a"][0].any()
+
+
+def test_gymnasium_makes_it():
+    envs = gymnasium.make_vec("softgym_mj/StraightenRope-v0", 2, device="host", fidelity="fast")
+    observations, _ = envs.reset(seed=1)
+    assert observations in envs.observation_space
+    assert envs.get_attr("horizon") == (75, 75)
+    envs.close()
 
 
 def _twins(task, number=3, mode="NextStep", **settings):
