@@ -136,7 +136,7 @@ def overview() -> str:
         "`drop_fold_cloth`).",
         "*Proprioception*: positions or joints that the actor measures of itself; for grippers "
         "also whether each holds the material.",
-        f"*Distillation*: a student imitates a teacher, one seed of a [state policy]"
+        "*Distillation*: a student imitates a teacher, one seed of a [state policy]"
         "(policies.md), so it can exceed the median over the teacher's seeds."
         f"{_taught_by_functions()}",
         "*CEM*: planning in the simulator itself (true dynamics) without learning; ten episodes.",

@@ -304,7 +304,7 @@ class Task(Definition):
         """Restores what `get_state` returned, after mjData has been restored, and measures."""
         initial = state["initial_performance"]
         self._episode = dataclasses.replace(self.episode, initial_performance=initial)
+        self.scene.note_strain()
         self.scene.most_strained = state["most_strained"]
         self.actor.set_state(state["actor"])
-        self.scene.note_strain()
         self._evaluate()
