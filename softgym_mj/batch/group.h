@@ -174,36 +174,26 @@ inline int FirstBit(Key bits) { return __builtin_ctzll(bits); }
 #ifdef __CUDACC__
 
 // Makes the visits make(i) for 0 <= i < count as if one after the other: `Acts`, `Act` if that is true for a lane,
-// `End`. Each eight threads have a visit. All find out whether theirs acts, the first of those acts, and visits after
-// it find out again: a few, and all if none of these acts. Time is spent only where visits act.
+// `End`. One warp makes them, because a barrier of all threads takes as long as a visit: four visits find out at once
+// whether they act, the first of those that do acts, and the visits after it find out again.
 template <class F>
 inline void InSequence(int count, F make) {
-  constexpr int kFew = 8;
-  SGM_SHARED int acting[3];  // First visit that acts, in three rounds.
-  const int thread = static_cast<int>(threadIdx.x), visits = static_cast<int>(blockDim.x) / kLanes;
-  const int own = thread / kLanes;
-  if (thread < 3) acting[thread] = visits;
-  Wait();
-  int round = 0;
-  for (int begin = 0; begin < count; begin += visits) {
+  constexpr int kThreads = 32;
+  const int thread = static_cast<int>(threadIdx.x), own = thread / kLanes;
+  const int all = static_cast<int>(blockDim.x), visits = (all < kThreads ? all : kThreads) / kLanes;
+  for (int begin = 0; thread < kThreads && begin < count; begin += visits) {
     const bool has_one = begin + own < count;
     auto visit = make(has_one ? begin + own : begin);
     bool waits = has_one;
-    for (int end = visits;;) {  // Visits before `end` find out.
+    for (;;) {
       bool acts = false;
-      if (waits && own < end) acts = visit.Acts().v;
+      if (waits) acts = visit.Acts().v;
       const unsigned votes = __ballot_sync(kWarp, acts);
-      if (votes && thread % 32 == 0) atomicMin(&acting[round], (thread + FirstBit(votes)) / kLanes);
-      Wait();
-      const int next = acting[round], last = round == 0 ? 2 : round - 1;
-      if (thread == 0) acting[last] = visits;  // All have read it.
-      round = round == 2 ? 0 : round + 1;
-      if (next == visits && end >= visits) break;
-      end = next == visits ? visits : next + 1 + kFew;
-      if (next == visits) continue;
+      if (!votes) break;
+      const int next = FirstBit(votes) / kLanes;
       if (own == next) visit.Act();
       waits = waits && own > next;
-      Wait();
+      __syncwarp();
     }
     if (has_one) visit.End();
   }
