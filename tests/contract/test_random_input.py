@@ -334,6 +334,7 @@ def digest(door: str) -> str:
     return hashlib.sha256("\n".join(drawn).encode()).hexdigest()
 
 
+@pytest.mark.long
 def test_draws_depend_on_the_seed_alone(tmp_path):
     """In a process that has imported less than this one, and other constants."""
     (tmp_path / "tests").symlink_to(pathlib.Path(__file__).parents[1])

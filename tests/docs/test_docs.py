@@ -192,6 +192,7 @@ def test_demo_writes_videos_that_move(tmp_path, monkeypatch):
     assert picture.shape == (96, 96, 3)
 
 
+@pytest.mark.long
 def test_the_scores_are_those_of_the_files():
     for path, text in tables.pages().items():
         assert path.read_text() == text

@@ -138,6 +138,7 @@ def test_rewards_of_progress(run):
     np.testing.assert_allclose(recipe.observation, plain / 0.15, rtol=1e-6)
 
 
+@pytest.mark.long
 def test_sb3_states(run):
     model = run("Stable-Baselines3: states").model
     assert model.num_timesteps == 200 and model._n_updates >= 98

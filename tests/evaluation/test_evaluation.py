@@ -186,6 +186,7 @@ def _replayed(patch):
     return result
 
 
+@pytest.mark.long
 def test_episodes_are_planned_together_as_alone(tmp_path, lockstep, monkeypatch):
     replayed = _replayed(monkeypatch)
     monkeypatch.setattr(running, "MOST_ENVS", 20)
@@ -195,7 +196,8 @@ def test_episodes_are_planned_together_as_alone(tmp_path, lockstep, monkeypatch)
 
 
 # All three together; one after the other where there is room for less than one.
-@pytest.mark.parametrize("num_envs", [pytest.param(30, marks=pytest.mark.long), 5])
+@pytest.mark.long
+@pytest.mark.parametrize("num_envs", [30, 5])
 def test_episodes_together_go_on_from_their_plans(tmp_path, lockstep, num_envs, monkeypatch):
     random, calls = np.random.default_rng(num_envs), []
 

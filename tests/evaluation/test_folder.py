@@ -53,6 +53,7 @@ def test_a_folder_goes_on_with_other_variations_and_seeds(tmp_path):
     assert whole == (tmp_path / "b" / "result.json").read_bytes()
 
 
+@pytest.mark.long
 def test_processes_share_a_folder(tmp_path):
     several = [dataclasses.replace(SIMPLE, variations=own) for own in ((800, 802), (801,))]
     with concurrent.futures.ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as pool:

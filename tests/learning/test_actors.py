@@ -150,6 +150,7 @@ def test_published_policies_of_arms_are_found_by_name(tmp_path, monkeypatch):
     assert tmp_path / policy_file("straighten_rope-franka-sac") == file
 
 
+@pytest.mark.long
 def test_a_policy_plays_with_the_arm_of_its_training(tmp_path, monkeypatch):
     """Its file, evaluated by name alone, scores as the training's own last evaluation."""
     settings = TrainingSettings(

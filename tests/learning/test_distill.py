@@ -109,6 +109,7 @@ def _signed(seen):
     return 0.6 * seen["markov"].sign()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("bins", [0, 21])
 def test_students_with_bins_choose_one_of_two_labels_where_others_average(bins):
     """Labels have a sign that a student does not observe, 0.6 in two thirds and -0.6 in a third."""

@@ -293,7 +293,9 @@ def test_other_settings_are_refused(whole):
             TrainingSettings(**{**vars(SETTINGS), name: value})
 
 
-@pytest.mark.parametrize("device, own", [("host", {}), ("cpu", {"action": "joints"})])
+@pytest.mark.parametrize(
+    "device, own", [("host", {}), pytest.param("cpu", {"action": "joints"}, marks=pytest.mark.long)]
+)
 def test_a_task_is_trained_with_arguments_of_its_own(tmp_path, no_policies, device, own):
     arguments = {"domain": {"friction": [1.31, 1.32]}, "action_repeat": 1, **own}
     small = {**vars(SETTINGS), **vars(METHOD.settings), "arguments": arguments, "env_steps": 16}

@@ -62,6 +62,7 @@ def test_a_block_makes_the_steps_of_the_plugin(emulated, task, variation):
     step_and_check(emulated, task, variation, OF_WATER if "water" in task else STEPS)
 
 
+@pytest.mark.long
 def test_halves_of_a_block_make_the_steps_of_the_plugin():
     file = _compile("-O1", "-DSGM_SOLIDS=0", "-DSGM_HALVES", "-DSGM_THREADS=32")
     halves_and_check(file, "transport_water", (806, 810, 803, 801), OF_WATER)

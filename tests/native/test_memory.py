@@ -114,6 +114,7 @@ assert all("there is not enough memory" in message for message in failed)
 """
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not shutil.which("g++"), reason="needs a compiler and Linux")
 def test_any_allocation_may_fail(tmp_path):
     """Whatever a plugin does then, no exception leaves it: that would end the process."""

@@ -132,6 +132,7 @@ def test_it_pours_a_share_of_the_water(fidelity, variations):
     assert env.info()["spilled"] < 0.02
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("task", ["pour_water", "pour_water_amount"])
 def test_arms_pour(task):
     _, scores, _ = play(task, ["markov"], range(700, 702), fidelity="fast", actor="franka")

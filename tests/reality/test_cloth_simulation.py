@@ -64,6 +64,7 @@ def test_a_fit_of_a_line_has_the_interval_of_its_slopes():
     assert high - low == pytest.approx(2 * 1.96 * slopes.std(ddof=1) / np.sqrt(200), rel=0.02)
 
 
+@pytest.mark.long
 def test_secret_properties_are_found_in_recordings_of_them(tmp_path):
     secret = dataclasses.replace(ASSUMED, drag=2.2, added_mass=0.1, length=1.02)
     for number, width in enumerate((0.06, 0.08, 0.1, 0.12, 0.14, 0.16, 0.18, 0.2)):

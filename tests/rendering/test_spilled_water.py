@@ -72,6 +72,7 @@ def test_drops_keep_their_area(env, spread):
         assert 0.45 < (found == OBJECT).sum() / expected.sum() < 0.9, drawn
 
 
+@pytest.mark.long
 def test_spilling_water_ends_no_episode():
     """The cup is thrown about: from env step 66 on 6,000 triangles were not enough."""
     env = softgym_mj.load("transport_water", split="all", observation="rgb", image_size=(32, 32))

@@ -199,6 +199,7 @@ def test_fingers_get_down_beside_a_sheet_and_not_into_the_floor(arm):
     assert env.info()["ik_failures"] == 0
 
 
+@pytest.mark.long
 @arms_of("sawyer")
 def test_random_actions_leave_the_simulation_sound(arm):
     env = load("fold_cloth", arm, fidelity="fast")

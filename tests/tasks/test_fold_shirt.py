@@ -181,6 +181,7 @@ def test_a_snapshot_of_other_cuts_is_refused(env):
         softgym_mj.load("fold_shirt", split="all", cuts="unseen").set_state(env.get_state())
 
 
+@pytest.mark.long
 def test_arms_fold_a_shirt():
     env = play(SHORT, actor="franka", fidelity="fast")
     assert env.info()["normalized_performance"] > 0.6

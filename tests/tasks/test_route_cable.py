@@ -157,7 +157,8 @@ def test_the_route_keeps_clear_of_pegs_and_jaws_of_the_model(routes):
         other.set_state(env.get_state())
 
 
-@pytest.mark.parametrize("routes", ["usual", pytest.param("unseen", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("routes", ["usual", "unseen"])
 def test_the_expert_routes_the_rope(routes):
     env = softgym_mj.load("route_cable", split="all", routes=routes)
     for _ in env.play(make_policy("scripted", env), 800):

@@ -100,6 +100,7 @@ def test_an_expert_acts_as_in_environments(case):
     assert np.any(held)
 
 
+@pytest.mark.long
 def test_hands_rest_on_boxes_as_in_environments():
     envs, alone = _make("route_cable"), SoftGymEnv("route_cable", **SETTINGS)
     arms.reset(envs)

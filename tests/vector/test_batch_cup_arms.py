@@ -32,6 +32,7 @@ def _random(number):
     return np.random.default_rng(0).uniform(-1.0, 1.0, (number, 3, 1))
 
 
+@pytest.mark.long
 def test_threads_change_no_bit():
     outcomes = []
     for threads in (1, 2):

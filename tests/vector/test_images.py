@@ -83,6 +83,7 @@ def test_images_look_like_those_of_an_environment(task, domain):
     env.close()
 
 
+@pytest.mark.long
 def test_water_is_drawn_behind_what_is_before_it_and_before_what_is_behind_it():
     settings = {
         "observation": ["rgb", "segmentation", "markov"], "image_size": SIZE, "split": "all",

@@ -113,7 +113,7 @@ print(envs.get_attr("horizon"))
     ("way", "context"),
     [
         ("file", ""),
-        ("stdin", ""),
+        pytest.param("stdin", "", marks=pytest.mark.long),
         pytest.param("command", "", marks=pytest.mark.long),
         pytest.param("file", "context='spawn'", marks=pytest.mark.slow),
         pytest.param("stdin", "context='spawn'", marks=pytest.mark.slow),
