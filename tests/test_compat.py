@@ -293,6 +293,7 @@ def test_cameras_and_configs_are_softgyms():
         ({"action_mode": ["picker"]}, "action_mode=.*'picker'"),
         ({"action_mode": "direct"}, "action_mode='direct'.*'picker'"),
         ({"num_variations": 0}, "num_variations=0"),
+        ({"deterministic": "no"}, "deterministic='no'.*False, True"),
         ({"fps": 3}, "argument='fps'.*'num_picker', 'horizon', .*'headless'"),
         ({"picker_radius": 0.05}, "picker_radius=0.05.*0.02"),
     ],

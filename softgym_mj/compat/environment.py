@@ -87,6 +87,8 @@ class OldEnv:
         check_settings(settings, (*names.DEFAULTS, *names.IGNORED), names.FIXED | radius)
         settings = names.DEFAULTS | settings
         check_count("num_variations", settings["num_variations"], 1, NUM_VARIATIONS)
+        if settings["deterministic"] not in (False, True):
+            raise InvalidArgumentError("deterministic", settings["deterministic"], (False, True))
         record, self._mode = RECORDS[name], ACTION_MODES[action_mode]
         goal = ("goal_rgb",) if (name, observation_mode) == ("RopeConfiguration", "cam_rgb") else ()
         pickers = {"num_pickers": settings["num_picker"]}
