@@ -51,6 +51,10 @@ inline void Wait() {
 #endif
 
 constexpr unsigned kWarp = ~0u;  // Mask of all threads of a warp.
+constexpr int kWarpThreads = 32;
+
+// Sets of eight threads in the first warp of a group.
+inline int WarpBlocks() { return (Threads() < kWarpThreads ? Threads() : kWarpThreads) / kLanes; }
 
 // Calls f(i) for 0 <= i < count, and waits for all of them.
 template <class F>
@@ -71,8 +75,8 @@ inline void EachBlock(int first, int end, F f) {
 // consecutive small parts, because it need not wait for the other warps.
 template <class F>
 inline void EachBlockOf(const int* begin, int parts, F f) {
-  constexpr int kThreads = 32, kSmall = kThreads / kLanes;
-  const int thread = Thread(), step = Threads() < kThreads ? Threads() / kLanes : kSmall;
+  constexpr int kSmall = kWarpThreads / kLanes;
+  const int thread = Thread(), step = WarpBlocks();
   for (int part = 0; part < parts;) {
     int first = begin[part], end = begin[part + 1];
     if (end - first > kSmall) {
@@ -82,7 +86,7 @@ inline void EachBlockOf(const int* begin, int parts, F f) {
     }
     for (; part < parts && end - first <= kSmall; ++part) {
       const int next = begin[part + 2 < parts ? part + 2 : parts];  // Read before f stores.
-      for (int i = first + thread / kLanes; thread < kThreads && i < end; i += step) f(i);
+      for (int i = first + thread / kLanes; thread < kWarpThreads && i < end; i += step) f(i);
       first = end, end = next;
       __syncwarp();
     }
@@ -174,20 +178,17 @@ inline int FirstBit(Key bits) { return __builtin_ctzll(bits); }
 #ifdef __CUDACC__
 
 // Makes the visits make(i) for 0 <= i < count as if one after the other: `Acts`, `Act` if that is true for a lane,
-// `End`. One warp makes them, because a barrier of all threads takes as long as a visit: four visits find out at once
+// `End`. One warp makes them, which is as fast as all threads with barriers between them: four visits find out at once
 // whether they act, the first of those that do acts, and the visits after it find out again.
 template <class F>
 inline void InSequence(int count, F make) {
-  constexpr int kThreads = 32;
-  const int thread = static_cast<int>(threadIdx.x), own = thread / kLanes;
-  const int all = static_cast<int>(blockDim.x), visits = (all < kThreads ? all : kThreads) / kLanes;
-  for (int begin = 0; thread < kThreads && begin < count; begin += visits) {
+  const int thread = Thread(), own = thread / kLanes, visits = WarpBlocks();
+  for (int begin = 0; thread < kWarpThreads && begin < count; begin += visits) {
     const bool has_one = begin + own < count;
     auto visit = make(has_one ? begin + own : begin);
     bool waits = has_one;
     for (;;) {
-      bool acts = false;
-      if (waits) acts = visit.Acts().v;
+      const bool acts = waits && visit.Acts().v;
       const unsigned votes = __ballot_sync(kWarp, acts);
       if (!votes) break;
       const int next = FirstBit(votes) / kLanes;
