@@ -224,7 +224,15 @@ class Browser:
         if self._grips and teleoperation.grips != self._shown_grips:
             self._shown_grips = list(teleoperation.grips)
             for box, closed in zip(self._grips, self._shown_grips, strict=True):
-                box.value = closed
+                self._set(box, closed)
+
+    def _set(self, widget: Any, value: Any) -> None:
+        """Sets a widget of the panel.
+
+        In the thread of the server: in another one, the value would replace that of a user between
+        its receipt and the call of its handler, which would then never learn of it.
+        """
+        self._server.get_event_loop().call_soon_threadsafe(setattr, widget, "value", value)
 
     def _write(self) -> None:
         session = self._session
@@ -234,6 +242,6 @@ class Browser:
         shown = session.policy, session.variation, session.paused
         if shown != self._shown:
             self._shown = shown
-            self._player.value = YOU if session.policy == TELEOPERATE else session.policy
-            self._variation.value = session.variation
+            self._set(self._player, YOU if session.policy == TELEOPERATE else session.policy)
+            self._set(self._variation, session.variation)
             self._pause.label = "go on" if session.paused else "pause"

@@ -152,6 +152,17 @@ def test_values_that_the_panel_does_not_offer_change_nothing():
                       lambda: session.variation == 7)  # fmt: skip
 
 
+def test_a_change_that_arrives_while_the_panel_is_written_is_kept(monkeypatch):
+    """Its receipt takes so long that the session writes the variation that it plays."""
+    session = unhurried("straighten_rope")
+    with browser.open_server(port=0) as server:
+        shown = browser.Browser(session, server)
+        own = f"http://127.0.0.1:{server.get_port()}"
+        monkeypatch.setattr(shown._variation._impl, "sync_cb", lambda *update: time.sleep(0.5))
+        assert drives(session, server, shown._variation, 7, own,
+                      lambda: session.variation == 7, 5.0)  # fmt: skip
+
+
 @pytest.mark.long
 def test_nobody_names_other_policies(tmp_path, monkeypatch):
     """As on the command line, which is the user's own, a name could be that of any module."""
