@@ -46,8 +46,12 @@ def train(
     ],
     task: Task,
     preset: Annotated[
-        str, typer.Option(help="fast (not wu), paper, night (sac, on a CPU) or minutes (images).")
-    ] = "fast",
+        str | None,
+        typer.Option(
+            help="fast or minutes (methods have one of them: default), paper, or night (sac, on a "
+            "CPU)."
+        ),
+    ] = None,
     seeds: Annotated[int, typer.Option(help="Number of seeds, trained together.", min=1)] = 1,
     first_seed: Annotated[
         int, typer.Option(help="First seed; `learning join` joins the results of several folders.")
@@ -111,7 +115,7 @@ def train(
     start = time.monotonic()
     import_extra("torch", "PyTorch", "learning")
     from softgym_mj.learning import logs, reports
-    from softgym_mj.learning.registry import find_preset, preset_names
+    from softgym_mj.learning.registry import default_preset, find_preset
     from softgym_mj.learning.setup import check_settings
     from softgym_mj.learning.spreading import train_each
     from softgym_mj.learning.time_limits import TimeLimit
@@ -126,11 +130,14 @@ def train(
         limit = TimeLimit(start + 60.0 * _checked_minutes(minutes, jobs == 1 and ray is None))
     chosen_seeds = range(first_seed, first_seed + seeds)
     names = (observation or "").split(",")
-    seen = names if len(names) > 1 else observation
-    chosen = combined(parsed_settings(settings, "settings"), "settings", observation=seen)
+    chosen = combined(
+        parsed_settings(settings, "settings"), "settings",
+        observation=names if len(names) > 1 else observation,
+    )  # fmt: skip
     if teacher is not None:
         chosen |= _teacher(teacher, trust)
     chosen |= _of_task(parsed_settings(task_settings))
+    preset = preset or default_preset(method)
     training, result = find_preset(method, preset, find(task).name, **chosen)
     if show_settings:
         everything = {**dataclasses.asdict(training), **dataclasses.asdict(result.settings)}
@@ -140,7 +147,7 @@ def train(
     check_settings(training, result)
     _note_symmetries(training.actor, result.settings)
     if "cuda" in (device, learner_device):
-        _check_gpu(method, task, preset if _CPU_PRESET not in preset_names(method) else _CPU_PRESET)
+        _check_gpu(method, task, preset)
     make_folder(out)  # Before the environments, which take long.
     try:
         if jobs == 1 and ray is None:
@@ -207,7 +214,10 @@ def _check_gpu(method: str, task: str, preset: str) -> None:
     """Raises `UnavailableError`, with the command for a CPU, unless there is a CUDA device."""
     import torch
 
+    from softgym_mj.learning.registry import preset_names
+
     if not torch.cuda.is_available():
+        preset = _CPU_PRESET if _CPU_PRESET in preset_names(method) else preset
         raise UnavailableError(
             "there is no CUDA device that PyTorch can use; to train on the CPU, run "
             f"`softgym-mj train {method} {task} --preset {preset} --device cpu`"

@@ -95,6 +95,12 @@ def preset_names(name: str) -> list[str]:
     return [*_find(name).presets]
 
 
+def default_preset(name: str) -> str:
+    """Returns the preset "fast" of a method, or the first of "minutes" and all that it has."""
+    names = preset_names(name)
+    return next(each for each in ("fast", "minutes", *names) if each in names)
+
+
 def image_methods(task: str) -> list[str]:
     """Returns the names of the methods whose first preset observes images."""
     observed = {

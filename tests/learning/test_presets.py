@@ -49,6 +49,15 @@ def test_printed_settings_are_accepted_and_change_nothing(method, preset, monkey
     assert capsys.readouterr().out == printed
 
 
+@pytest.mark.parametrize(("method", "preset"), [("sac", "fast"), ("curl", "minutes")])
+def test_the_preset_without_a_choice(method, preset, monkeypatch, capsys):
+    printed = []
+    for chosen in ([], ["--preset", preset]):
+        assert train(monkeypatch, method, "fold_cloth", *chosen, "--show-settings") == 0
+        printed.append(capsys.readouterr().out)
+    assert printed[0] == printed[1]
+
+
 # Parts of the fast preset of straighten_rope: 51,200 env steps of 256 environments.
 @pytest.mark.parametrize(
     ("settings", "part"),
