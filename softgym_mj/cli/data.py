@@ -26,6 +26,7 @@ from softgym_mj.cli.console import (
 )
 from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.parallel.executors import make_executor
+from softgym_mj.policies.factory import SIMPLE
 from softgym_mj.registry import TASKS, find
 from softgym_mj.variations.indices import NUM_VARIATIONS
 from softgym_mj.vector.make import DEVICES, make_device
@@ -63,7 +64,7 @@ def generate(
 def record(
     task: Task,
     policy: Annotated[
-        str, typer.Option(help="scripted, random, zero, FILE.pt2 or MODULE:FUNCTION.")
+        str, typer.Option(help=f"{', '.join(SIMPLE)}, FILE.pt2 or MODULE:FUNCTION.")
     ] = "scripted",
     actor: Actor = None,
     grasp: Grasp = None,

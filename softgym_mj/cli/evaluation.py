@@ -29,6 +29,7 @@ from softgym_mj.cli.console import (
 )
 from softgym_mj.envs.load import horizon_of
 from softgym_mj.exceptions import check_count
+from softgym_mj.policies.factory import SIMPLE
 from softgym_mj.policies.planners import BUDGET, ITERATIONS, PLANNERS, Plan
 from softgym_mj.registry import find
 from softgym_mj.storage.files import write_csv
@@ -44,8 +45,9 @@ def evaluate(
     policy: Annotated[
         str,
         typer.Option(
-            help="scripted, random, zero, cem, icem, FILE.pt2 or MODULE:FUNCTION; FILE_{seed}.pt2 "
-            "for one file per seed; the name of a file in docs/results/policies of a clone."
+            help=f"{', '.join((*SIMPLE, *PLANNERS))}, FILE.pt2 or MODULE:FUNCTION; "
+            "FILE_{seed}.pt2 for one file per seed; the name of a file in docs/results/policies of "
+            "a clone."
         ),
     ] = "scripted",
     trust: Trust = False,

@@ -66,7 +66,7 @@ def play(
     Args:
         env: The environment.
         policy: Function from a time step to an action, or a name for `make_policy`: "scripted",
-            "random", "zero", a file or "module:function".
+            "reactive", "random", "zero", a file or "module:function".
         variation: Index 0..999; None draws one from the environment's split.
         seed, trust: Arguments of `make_policy`.
         camera: "task", "overview" or another camera of the model; None renders no images, which is

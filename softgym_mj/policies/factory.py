@@ -9,7 +9,7 @@ from softgym_mj.policies.exported import Policy
 from softgym_mj.policies.saved import is_saved, make_saved, takes_seed
 from softgym_mj.validation import check_type
 
-SIMPLE = ("scripted", "random", "zero")
+SIMPLE = ("scripted", "reactive", "random", "zero")
 _SEED_KEY = 0x52414E44  # Separates the random policy's random numbers from others.
 
 
@@ -19,24 +19,24 @@ def depends_on_seed(name: str) -> bool:
     Raises:
         InvalidArgumentError: for a function that cannot be imported.
     """
-    return takes_seed(name) if is_saved(name) else name not in ("scripted", "zero")
+    return takes_seed(name) if is_saved(name) else name not in ("scripted", "reactive", "zero")
 
 
 def make_policy(name: str, env: Environment, seed: int = 0, *, trust: bool = False) -> Policy:
     """Creates a policy without planning: a function from a time step to an action.
 
     Args:
-        name: "scripted", "random" or "zero"; a file of `torch.export.save`; or "module:function".
-            The exported module maps an observation, (1, n) float32 or (1, h, w, 3) uint8, to an
-            action (1, m), which is clipped to [-1, 1]. The function maps an environment, and
-            `seed` if it has this argument, to a policy.
+        name: "scripted", "reactive", "random" or "zero"; a file of `torch.export.save`; or
+            "module:function". The exported module maps an observation, (1, n) float32 or
+            (1, h, w, 3) uint8, to an action (1, m), which is clipped to [-1, 1]. The function maps
+            an environment, and `seed` if it has this argument, to a policy.
         env: Environment of the policy.
         seed: Seed of the random policy and of functions; replaces "{seed}" in a file's name.
         trust: Whether a file may be loaded, which can run any code in it.
 
     Raises:
         InvalidArgumentError: for an unknown policy, an invalid file or function, a file without
-            `trust`, or "scripted" for a task without an expert.
+            `trust`, or "scripted" or "reactive" for a task without such an expert.
         StoreError: for a file that cannot be read.
     """
     check_type("policy", name, str)
@@ -47,6 +47,10 @@ def make_policy(name: str, env: Environment, seed: int = 0, *, trust: bool = Fal
         from softgym_mj.policies import experts
 
         return experts.make_policy(env)
+    if name == "reactive":
+        from softgym_mj.policies import reactive
+
+        return reactive.make_policy(env)
     size = env.task.actor.action_size
     if name == "zero":
         return lambda timestep: np.zeros(size)

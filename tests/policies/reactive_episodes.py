@@ -8,8 +8,6 @@ import softgym_mj
 from softgym_mj.envs.environment import Environment
 from softgym_mj.policies.factory import make_policy
 
-NAME = "softgym_mj.policies.reactive:policy"
-
 
 def fast_or_all(variations, few):
     """Parameters (fidelity, variations): a few fast ones by default, all in the long run."""
@@ -28,7 +26,7 @@ def play(task, names, variations, **settings):
     assert isinstance(env, Environment)
     scores, states = [], []
     for variation in variations:
-        for step in env.play(make_policy(NAME, env), variation):
+        for step in env.play(make_policy("reactive", env), variation):
             states.append(np.concatenate([step.observation[name] for name in names]))
         scores.append(float(env.info()["normalized_performance"]))
     return env, scores, np.array(states)

@@ -8,7 +8,7 @@ from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.policies import reactive
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.policies.reactive.rope import ABOVE, LAID, PUTTING
-from tests.policies.reactive_episodes import NAME, check_batches, entries, play
+from tests.policies.reactive_episodes import check_batches, entries, play
 
 HIGH = 0.1  # [m] Height at which free pickers rest.
 
@@ -106,12 +106,29 @@ def test_it_lays_ropes_in_the_shape_of_letters():
 
 def test_other_tasks_are_refused():
     with pytest.raises(InvalidArgumentError, match="rope_configuration"):
-        make_policy(NAME, softgym_mj.load("drop_cloth", observation="markov"))
+        make_policy("reactive", softgym_mj.load("drop_cloth"))
 
 
-def test_other_observations_are_refused():
-    with pytest.raises(InvalidArgumentError, match=r"observation=\['reduced'\].*\['markov'\]"):
-        make_policy(NAME, softgym_mj.load("rope_configuration"), trust=True)
+def test_pick_and_place_is_refused():
+    env = softgym_mj.load("fold_cloth", actor="pick_and_place")
+    with pytest.raises(InvalidArgumentError, match=r"actor='pick_and_place.*equal lengths"):
+        make_policy("reactive", env)
+
+
+def test_it_acts_by_its_own_observation():
+    """Whatever the environment observes, as the function does by what it takes."""
+    names = ["full", "markov"]
+    actions = []
+    for observation in ("reduced", names):
+        env = softgym_mj.load("spread_cloth", split="all", observation=observation)
+        step, act = env.reset(3), make_policy("reactive", env)
+        for _ in range(3):
+            actions.append(act(step))
+            if observation is names:
+                seen = np.concatenate([step.observation[name] for name in names])
+                np.testing.assert_allclose(actions[-1], reactive.spread_cloth(seen), atol=1e-6)
+            step = env.step(actions[-1])
+    np.testing.assert_array_equal(actions[:3], actions[3:])
 
 
 def test_arms_are_refused_by_experts_that_are_not_made_for_them():

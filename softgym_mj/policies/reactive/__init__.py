@@ -38,20 +38,17 @@ vars(fold_crumpled_cloth)["observes"] = "full+markov"
 vars(spread_cloth)["observes"] = "full+markov"
 
 
-def policy(env: Environment) -> Callable[[dm_env.TimeStep], np.ndarray]:
-    """Returns the reactive expert of an environment with the observations that it takes.
+def make_policy(env: Environment) -> Callable[[dm_env.TimeStep], np.ndarray]:
+    """Returns the reactive expert of an environment, for any observations.
 
     Raises:
-        InvalidArgumentError: for a task without a reactive expert, or other observations.
+        InvalidArgumentError: for a task without a reactive expert, or an actor of pick and place;
+            the policy raises it for arms that its expert does not move.
     """
     check_name("task", env.name, LABELS)
+    if env.task.actor.sim_steps is not None:
+        valid = "one whose env steps have equal lengths"
+        raise InvalidArgumentError("actor", env.task.actor.name, valid)
     labels = LABELS[env.name]
     names = getattr(labels, "observes", "markov").split("+")
-    observed = [*env.observation_spec()]
-    if not {*names} <= {*observed}:
-        raise InvalidArgumentError("observation", observed, f"{names}, which the expert takes")
-
-    def act(timestep: dm_env.TimeStep) -> np.ndarray:
-        return labels(np.concatenate([timestep.observation[name] for name in names]))
-
-    return act
+    return lambda timestep: labels(np.concatenate([env.task.observe(name) for name in names]))
