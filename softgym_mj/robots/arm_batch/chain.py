@@ -10,6 +10,8 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 
+from softgym_mj.robots.arm import turns
+
 Matrix: TypeAlias = jax.Array | np.ndarray
 
 
@@ -73,7 +75,7 @@ def chain_of(model: mujoco.MjModel) -> Chain:
     return Chain(
         parent=model.body_parentid.copy(),
         position=model.body_pos.copy(),
-        rotation=matrices(model.body_quat),
+        rotation=turns.matrices(model.body_quat),
         joint=joint,
         anchor=anchor,
         axis=axis,
@@ -82,14 +84,6 @@ def chain_of(model: mujoco.MjModel) -> Chain:
         body=model.jnt_bodyid.copy(),
         moves=moves,
     )
-
-
-def matrices(quaternions: np.ndarray) -> np.ndarray:
-    """Returns rotation matrices (n, 3, 3) of unit quaternions (n, 4) as (w, x, y, z)."""
-    found = np.empty((len(quaternions), 9))
-    for matrix, quaternion in zip(found, quaternions, strict=True):
-        mujoco.mju_quat2Mat(matrix, quaternion)
-    return found.reshape(-1, 3, 3)
 
 
 def product(a: Matrix, b: Matrix) -> jax.Array:

@@ -12,7 +12,8 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 
-from softgym_mj.robots.arm_batch.chain import Pose, apply, matrices, product
+from softgym_mj.robots.arm import turns
+from softgym_mj.robots.arm_batch.chain import Pose, apply, product
 
 PROJECTIONS = 20  # Number of alternating projections onto two cores.
 KINDS = mujoco.mjtGeom
@@ -70,7 +71,7 @@ def shapes_of(model: mujoco.MjModel, geoms: list[int]) -> Shapes:
     return Shapes(
         body=model.geom_bodyid[geoms],
         position=model.geom_pos[geoms],
-        rotation=matrices(model.geom_quat[geoms]),
+        rotation=turns.matrices(model.geom_quat[geoms]),
         core=core,
         radius=radius,
         is_round=kinds == KINDS.mjGEOM_CYLINDER,

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from softgym_mj.entities.cup import GRIP
+from softgym_mj.robots.arm import turns
 from softgym_mj.robots.arm.command_filter import clipped
 from softgym_mj.robots.arm.cup_arm import ORIENTATION_COST, TURNS_AS, UPRIGHT, CupArm
 from softgym_mj.robots.arm.models import Arm
@@ -116,11 +117,11 @@ def _within(
 ) -> tuple[int, np.ndarray, np.ndarray] | None:
     """Returns the body of `own` that a body is fixed to, and where its principal axes are in it."""
     position = model.body_ipos[body]
-    rotation = chains.matrices(model.body_iquat[body][None])[0]
+    rotation = turns.matrices(model.body_iquat[body][None])[0]
     while body not in own:
         if body == 0:
             return None
-        turn = chains.matrices(model.body_quat[body][None])[0]
+        turn = turns.matrices(model.body_quat[body][None])[0]
         position, rotation = model.body_pos[body] + turn @ position, turn @ rotation
         body = model.body_parentid[body]
     return own[body], position, rotation

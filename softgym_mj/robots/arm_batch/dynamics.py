@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 
+from softgym_mj.robots.arm import turns
 from softgym_mj.robots.arm_batch import chain as chains
 from softgym_mj.robots.arm_batch import constraints
 from softgym_mj.robots.arm_batch.chain import Chain, Pose
@@ -72,7 +73,7 @@ def dynamics_of(model: mujoco.MjModel) -> Dynamics:
     moving = model.jnt_bodyid.min()
     assert model.nu == model.njnt and np.all(model.body_gravcomp[moving:] == 1.0)
     motors = np.argsort(model.actuator_trnid[:, 0])
-    turned = chains.matrices(model.body_iquat)
+    turned = turns.matrices(model.body_iquat)
     inertia = turned * model.body_inertia[:, None] @ turned.transpose(0, 2, 1)
     low, high = model.actuator_ctrlrange[motors].T
     weakest, strongest = model.actuator_forcerange[motors].T

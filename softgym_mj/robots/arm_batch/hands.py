@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from softgym_mj.robots.arm import turns
 from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.arm_batch import chain as chains
 from softgym_mj.robots.arm_batch import models
@@ -51,7 +52,7 @@ def solids_of(arm: Arm, grasp: str) -> Solids:
         np.isin(names, arm.pad_geoms),
         model.geom_bodyid[geoms],
         model.geom_pos[geoms],
-        chains.matrices(model.geom_quat[geoms]),
+        turns.matrices(model.geom_quat[geoms]),
     )
 
 
@@ -106,10 +107,10 @@ def steps(
     body = solids.body
     frame = pose.rotation[body]
     points = base + chains.apply(yaw, pose.position[body] + chains.apply(frame, solids.position))
-    turns = chains.product(yaw, chains.product(frame, solids.rotation))
+    turned = chains.product(yaw, chains.product(frame, solids.rotation))
     rates = jacobians(arm, solids, pose, yaw)
     return SolidSteps(
-        jnp.concatenate([points, quaternions(turns)], axis=-1),
+        jnp.concatenate([points, quaternions(turned)], axis=-1),
         chains.apply(rates, before),
         chains.apply(rates, (after - before) / arm.timestep),
     )

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from softgym_mj.robots.arm import bodies, cartesian
+from softgym_mj.robots.arm import bodies, cartesian, turns
 from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.arm.mounts import Mount
 from softgym_mj.robots.arm_batch import chain as chains
@@ -87,7 +87,7 @@ def kinematics_of(
     site, (geoms,) = model.site(f"{name}/{arm.tcp_site}"), bodies.outer_geoms(model, [name])
     chain = chains.chain_of(model)
     low, high = model.jnt_range.T
-    turn = chains.matrices(site.quat[None])[0]
+    turn = turns.matrices(site.quat[None])[0]
     pose = chains.poses(chain, jnp.asarray(home))
     cos, sin = np.array([[np.cos(m.yaw), np.sin(m.yaw)] for m in mounts]).T
     zero = np.zeros_like(cos)
@@ -265,8 +265,8 @@ def _distances(
     bounds = [_bounds(height, cartesian.FLOOR_CLEARANCE, share).ravel()]
     if number == 2:
         places = arms.base[:, None] + chains.apply(arms.yaw[:, None], positions)
-        turns = chains.product(arms.yaw[:, None], rotations)
-        ends = clearance.nearest(shapes, (places[0], turns[0]), shapes, (places[1], turns[1]))
+        turned = chains.product(arms.yaw[:, None], rotations)
+        ends = clearance.nearest(shapes, (places[0], turned[0]), shapes, (places[1], turned[1]))
         own = _rates(arms, pose, 0, ends.first, ends.normal)
         other = _rates(arms, pose, 1, *(end.swapaxes(0, 1) for end in (ends.second, -ends.normal)))
         both = jnp.concatenate([own, other.swapaxes(0, 1)], axis=-1)
