@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import mujoco
 import numpy as np
+import pytest
 
 from softgym_mj.robots.arm import bodies
 from softgym_mj.robots.arm.models import ARMS
@@ -52,45 +53,45 @@ def _scene(kind, middle):
     return model, alone
 
 
+@pytest.mark.usefixtures("double_precision")
 @usually("kind", [*SOLIDS], "bar", "jaw")
 def test_a_hand_is_stopped_by_a_solid_as_in_mujoco(kind):
-    with jax.enable_x64(True):
-        geometry, geoms = models.solid_model(ARM, "attach")
-        home = [*bodies.home(ARM), *(2 * [ARM.finger_range[1]])]
-        data = mujoco.MjData(geometry)
-        data.qpos[:] = home
-        mujoco.mj_kinematics(geometry, data)
-        touches = np.array([geometry.geom(i).name.endswith(SOLIDS[kind][-1]) for i in geoms])
-        model, alone = _scene(kind, data.geom_xpos[geoms][touches].mean(0))
-        arm, joints = dynamics.dynamics_of(alone), len(ARM.joints)
-        names = [geometry.geom(i).name for i in geoms]
-        hand = [model.geom(name).id for name in names]
-        model.geom_contype[np.array(hand)[~touches]] = 0
-        data, solid = mujoco.MjData(model), model.geom("solid").id
-        data.qpos[:] = home
-        mujoco.mj_forward(model, data)
-        fixed = contacts.read_fixed(model, data, hand, [solid])
-        fixed = {kind: contacts.Fixed(**row) for kind, row in fixed.items()}
-        shapes = clearance.shapes_of(geometry, geoms)
+    geometry, geoms = models.solid_model(ARM, "attach")
+    home = [*bodies.home(ARM), *(2 * [ARM.finger_range[1]])]
+    data = mujoco.MjData(geometry)
+    data.qpos[:] = home
+    mujoco.mj_kinematics(geometry, data)
+    touches = np.array([geometry.geom(i).name.endswith(SOLIDS[kind][-1]) for i in geoms])
+    model, alone = _scene(kind, data.geom_xpos[geoms][touches].mean(0))
+    arm, joints = dynamics.dynamics_of(alone), len(ARM.joints)
+    names = [geometry.geom(i).name for i in geoms]
+    hand = [model.geom(name).id for name in names]
+    model.geom_contype[np.array(hand)[~touches]] = 0
+    data, solid = mujoco.MjData(model), model.geom("solid").id
+    data.qpos[:] = home
+    mujoco.mj_forward(model, data)
+    fixed = contacts.read_fixed(model, data, hand, [solid])
+    fixed = {kind: contacts.Fixed(**row) for kind, row in fixed.items()}
+    shapes = clearance.shapes_of(geometry, geoms)
 
-        @jax.jit
-        def step(angles, speeds, commands):
-            pose, mount = chain.poses(arm.chain, angles), (jnp.zeros(3), jnp.eye(3))
-            met = contacts.contacts(arm.chain, shapes, fixed, pose, mount, touches)
-            return dynamics.step(arm, pose, angles, speeds, commands, contacts=met)[:2]
+    @jax.jit
+    def step(angles, speeds, commands):
+        pose, mount = chain.poses(arm.chain, angles), (jnp.zeros(3), jnp.eye(3))
+        met = contacts.contacts(arm.chain, shapes, fixed, pose, mount, touches)
+        return dynamics.step(arm, pose, angles, speeds, commands, contacts=met)[:2]
 
-        motors = np.argsort(model.actuator_trnid[:, 0])
-        command, jacobian, number = data.qpos.copy(), np.zeros((3, model.nv)), 0
-        angles, speeds = data.qpos.copy(), data.qvel.copy()
-        mujoco.mj_jacBody(model, data, jacobian, None, model.geom_bodyid[hand[0]])
-        for k in range(STEPS):
-            if k < STEPS / 2:
-                command[:joints] += np.linalg.pinv(jacobian[:, :joints]) @ MOTIONS.get(kind, DOWN)
-            data.ctrl[motors] = command
-            mujoco.mj_step(model, data)
-            angles, speeds = step(angles, speeds, command)
-            number += data.ncon > 0
-            np.testing.assert_allclose(angles, data.qpos, atol=1e-6)
-        assert number > 5
-        # Without the solid, the hand follows the command.
-        assert np.abs(data.qpos - command)[:joints].max() > 0.014
+    motors = np.argsort(model.actuator_trnid[:, 0])
+    command, jacobian, number = data.qpos.copy(), np.zeros((3, model.nv)), 0
+    angles, speeds = data.qpos.copy(), data.qvel.copy()
+    mujoco.mj_jacBody(model, data, jacobian, None, model.geom_bodyid[hand[0]])
+    for k in range(STEPS):
+        if k < STEPS / 2:
+            command[:joints] += np.linalg.pinv(jacobian[:, :joints]) @ MOTIONS.get(kind, DOWN)
+        data.ctrl[motors] = command
+        mujoco.mj_step(model, data)
+        angles, speeds = step(angles, speeds, command)
+        number += data.ncon > 0
+        np.testing.assert_allclose(angles, data.qpos, atol=1e-6)
+    assert number > 5
+    # Without the solid, the hand follows the command.
+    assert np.abs(data.qpos - command)[:joints].max() > 0.014

@@ -10,13 +10,9 @@ from softgym_mj.robots.arm.models import ARMS
 from softgym_mj.robots.arm_batch import chain, dynamics, models
 from tests.robots.arms import arms_of
 
+pytestmark = pytest.mark.usefixtures("double_precision")
+
 STEPS, NUMBER = 120, 3
-
-
-@pytest.fixture(autouse=True)
-def double_precision():
-    with jax.enable_x64(True):
-        yield
 
 
 @arms_of("franka")

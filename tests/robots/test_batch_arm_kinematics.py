@@ -14,13 +14,9 @@ from softgym_mj.robots.arm.mounts import facing_each_other
 from softgym_mj.robots.arm_batch import chain, clearance, inverse_kinematics, quadratic, twists
 from tests.robots.arms import arms_of
 
+pytestmark = pytest.mark.usefixtures("double_precision")
+
 NUMBER, STEPS = 3, 80
-
-
-@pytest.fixture(autouse=True)
-def double_precision():
-    with jax.enable_x64(True):
-        yield
 
 
 def test_minima_of_quadratic_programs_are_those_of_another_solver():

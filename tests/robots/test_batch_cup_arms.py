@@ -9,14 +9,10 @@ import softgym_mj
 from softgym_mj.robots.arm_batch import chain, dynamics
 from softgym_mj.robots.arm_batch.cups import CupArms, Load, read_load
 
+pytestmark = pytest.mark.usefixtures("double_precision")
+
 VARIATIONS = 801, 806
 STEPS = 20
-
-
-@pytest.fixture(autouse=True)
-def double_precision():
-    with jax.enable_x64(True):
-        yield
 
 
 def test_cups_of_all_sizes_weigh_on_the_arm_as_in_mujoco():
