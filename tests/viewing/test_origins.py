@@ -17,6 +17,7 @@ from tests.viewing.chromium import wait_until
 from tests.viewing.test_teleoperation import unhurried
 
 PROXY = "https://hub.example.com"
+OWN = "http://127.0.0.1:{port}"  # Origin of the viewer's own page.
 
 
 @pytest.fixture(name="port", scope="module")
@@ -47,7 +48,7 @@ def opens(port, host, origin):
 @pytest.mark.parametrize(
     ("host", "origin"),
     [
-        ("127.0.0.1:{port}", "http://127.0.0.1:{port}"),
+        ("127.0.0.1:{port}", OWN),
         ("localhost:{port}", "http://localhost:{port}"),
         ("LOCALHOST:{port}", "http://localhost:{port}"),
         ("[::1]:{port}", "http://[::1]:{port}"),
@@ -111,12 +112,20 @@ CAMERA = {
 }  # fmt: skip
 
 
-def drives(session, server, handle, value, origin, condition, seconds=20.0):
+@pytest.fixture(name="viewer")
+def _viewer():
+    """A session, the server that shows it, and its panel."""
+    session = unhurried("straighten_rope")
+    with browser.open_server(port=0) as server:
+        yield session, server, browser.Browser(session, server)
+
+
+def drives(session, server, handle, value, condition, seconds=20.0, origin=OWN):
     """Whether a page's change of what is on the panel is of effect within some seconds."""
     change = {"type": "GuiUpdateMessage", "uuid": handle._impl.uuid, "updates": {"value": value}}
     with connect(
         f"ws://127.0.0.1:{server.get_port()}",
-        origin=origin,
+        origin=origin.format(port=server.get_port()),
         subprotocols=[f"viser-v{viser.__version__}"],
     ) as client:
         client.send(msgspec.msgpack.encode(CAMERA))
@@ -128,51 +137,38 @@ def drives(session, server, handle, value, origin, condition, seconds=20.0):
     return condition()
 
 
-def test_only_its_own_page_drives():
-    session = unhurried("straighten_rope")
-    with browser.open_server(port=0) as server:
-        shown = browser.Browser(session, server)
-        own = f"http://127.0.0.1:{server.get_port()}"
-        pause = shown._pause, True
-        with pytest.raises(InvalidStatus):
-            drives(session, server, *pause, "http://evil.example", lambda: session.paused)
-        assert not session.paused and not server.get_clients()
-        assert drives(session, server, *pause, own, lambda: session.paused)
+def test_only_its_own_page_drives(viewer):
+    session, server, panel = viewer
+    pause = session, server, panel._pause, True, lambda: session.paused
+    with pytest.raises(InvalidStatus):
+        drives(*pause, origin="http://evil.example")
+    assert not session.paused and not server.get_clients()
+    assert drives(*pause)
 
 
-def test_values_that_the_panel_does_not_offer_change_nothing():
-    session = unhurried("straighten_rope")
-    with browser.open_server(port=0) as server:
-        shown = browser.Browser(session, server)
-        own = f"http://127.0.0.1:{server.get_port()}"
-        for value in (-1, 1000, 2.5, float("nan"), 1e300, "x", None, [1]):
-            shown._play_variation(value)
-            assert session.variation == 800
-        assert drives(session, server, shown._variation, 7, own,
-                      lambda: session.variation == 7)  # fmt: skip
+def test_values_that_the_panel_does_not_offer_change_nothing(viewer):
+    session, server, panel = viewer
+    for value in (-1, 1000, 2.5, float("nan"), 1e300, "x", None, [1]):
+        panel._play_variation(value)
+        assert session.variation == 800
+    assert drives(session, server, panel._variation, 7, lambda: session.variation == 7)
 
 
-def test_a_change_that_arrives_while_the_panel_is_written_is_kept(monkeypatch):
+def test_a_change_that_arrives_while_the_panel_is_written_is_kept(viewer, monkeypatch):
     """Its receipt takes so long that the session writes the variation that it plays."""
-    session = unhurried("straighten_rope")
-    with browser.open_server(port=0) as server:
-        shown = browser.Browser(session, server)
-        own = f"http://127.0.0.1:{server.get_port()}"
-        monkeypatch.setattr(shown._variation._impl, "sync_cb", lambda *update: time.sleep(0.5))
-        assert drives(session, server, shown._variation, 7, own,
-                      lambda: session.variation == 7, 5.0)  # fmt: skip
+    session, server, panel = viewer
+    monkeypatch.setattr(panel._variation._impl, "sync_cb", lambda *update: time.sleep(0.5))
+    assert drives(session, server, panel._variation, 7, lambda: session.variation == 7, 5.0)
 
 
 @pytest.mark.long
-def test_nobody_names_other_policies(tmp_path, monkeypatch):
+def test_nobody_names_other_policies(viewer, tmp_path, monkeypatch):
     """As on the command line, which is the user's own, a name could be that of any module."""
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "strange.py").write_text("import pathlib\npathlib.Path(__file__ + '.run').touch()")
-    session = unhurried("straighten_rope")
-    with browser.open_server(port=0) as server:
-        shown = browser.Browser(session, server)
-        own, played = f"http://127.0.0.1:{server.get_port()}", lambda: list(tmp_path.glob("*.run"))
-        assert not drives(session, server, shown._player, "strange:make", own, played, 3.0)
+    session, server, panel = viewer
+    assert not drives(session, server, panel._player, "strange:make",
+                      lambda: list(tmp_path.glob("*.run")), 3.0)  # fmt: skip
 
 
 @pytest.mark.parametrize("origin", ["hub.example.com", "*", "", "https://hub.example.com/", "a://"])
