@@ -23,11 +23,16 @@ SHAPES = {"markov": (1,), "rgb": (SIZE, SIZE, 3), "held": (2,)}
 SMALL = {"channels": 4, "features": 6, "hidden": (8,), "shift": 0, "buffer": 3_200}
 
 
-def problem(seeds=(0,), num_envs=16, env_steps=16_000):
+def problem(num_envs=16, env_steps=16_000):
     return Problem(
-        "straighten_rope", {}, seeds, num_envs, (), 1, 1.0, "cpu", ("rgb", "held"), SHAPES,
+        "straighten_rope", {}, (0,), num_envs, (), 1, 1.0, "cpu", ("rgb", "held"), SHAPES,
         env_steps,
     )  # fmt: skip
+
+
+def _observing(observed, shapes, task):
+    """A problem of four environments with other observations."""
+    return Problem(task, {}, [0], 4, (), 8, 1.0, "cpu", observed, shapes, 100)
 
 
 def _teacher(seen):
@@ -267,10 +272,7 @@ def test_a_saved_teacher_labels_batches(teacher):
     module, file = teacher
     result = find_method("distill", teacher=str(file), **SMALL)
     shapes = {"markov": (44,), "rgb": (SIZE, SIZE, 3)}
-    learner = result.make(
-        result.settings,
-        Problem("straighten_rope", {}, [0], 4, (), 8, 1.0, "cpu", "rgb", shapes, 100),
-    )
+    learner = result.make(result.settings, _observing("rgb", shapes, "straighten_rope"))
     states = torch.randn(9, 44)
     torch.testing.assert_close(
         learner._teacher({"markov": states[None]})[0], module(states), rtol=1e-5, atol=1e-6
@@ -292,10 +294,7 @@ def test_a_saved_teacher_of_several_observations_labels_batches(tmp_path):
     settings = training._teacher(str(file), True)
     assert settings == {"teacher": str(file), "privileged": "markov+held", "actor": "franka"}
     result = find_method("distill", teacher=str(file), privileged="markov+held", **SMALL)
-    learner = result.make(
-        result.settings,
-        Problem("straighten_rope", {}, [0], 4, (), 8, 1.0, "cpu", "rgb", shapes, 100),
-    )
+    learner = result.make(result.settings, _observing("rgb", shapes, "straighten_rope"))
     states, held = torch.randn(2, 9, 44), torch.randint(0, 2, (2, 9, 2), dtype=torch.uint8)
     expected = torch.cat([0.5 * held, states[..., :6].tanh()], -1)
     torch.testing.assert_close(learner._teacher({"markov": states, "held": held}), expected)
@@ -319,10 +318,7 @@ def test_a_policy_acts_as_its_student_with_half_the_bytes():
 
 def _of_ropes(shapes):
     """A problem of ropes with these observations and the teacher's."""
-    return Problem(
-        "rope_configuration", {}, [0], 4, (), 8, 1.0, "cpu", tuple(shapes),
-        {**shapes, "markov": (74,)}, 100,
-    )  # fmt: skip
+    return _observing(tuple(shapes), {**shapes, "markov": (74,)}, "rope_configuration")
 
 
 def test_a_function_of_a_module_labels_states_for_students_of_states():
@@ -352,9 +348,7 @@ def test_a_teacher_takes_the_observations_that_its_function_names(monkeypatch):
         "held": torch.ones(1, 4, 2),
     }
     shapes = {each: tuple(array.shape[2:]) for each, array in seen.items()}
-    problem = Problem(
-        "fold_crumpled_cloth", {}, [0], 4, (), 8, 1.0, "cpu", ("full", "held"), shapes, 100
-    )
+    problem = _observing(("full", "held"), shapes, "fold_crumpled_cloth")
     taken = []
 
     def teacher(states):
@@ -387,9 +381,7 @@ def test_students_of_points_take_those_of_the_first_observation():
     settings = DistillSettings(**SMALL | {"features": 8}, points=True)
     shapes = {"markov": (26,), "key_points": (198,)}
     for observed, number in ((("markov", "key_points"), 4), (("key_points", "markov"), 64)):
-        problem = Problem(
-            "fold_crumpled_cloth", {}, [0], 4, (), 8, 1.0, "cpu", observed, shapes, 100
-        )
+        problem = _observing(observed, shapes, "fold_crumpled_cloth")
         student = Distill(settings, problem, _teacher).students[0]
         assert student.others == [*observed] and student.encoder.points.shape == (number, 3)
 
