@@ -19,7 +19,7 @@ import os
 import pathlib
 import statistics
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple, TypedDict
 
 import mujoco
@@ -186,9 +186,7 @@ def merged(old: Scores, new: Scores) -> Scores:
     return {task: {a: own[a] for a in ACTORS if a in own} for task, own in result.items()}
 
 
-def play_rounds(
-    rounds: Iterable[Round], jobs: int, store: Store, say: Callable[[str], None] = print
-) -> None:
+def play_rounds(rounds: Iterable[Round], jobs: int, store: Store) -> None:
     """Plays what the store lacks of rounds, in their order."""
     keys = list(dict.fromkeys(key for one in rounds for key in one.episodes()))
     done = 0
@@ -197,8 +195,8 @@ def play_rounds(
         nonlocal done
         done += 1
         task, actor, variation = key
-        say(f"{done}/{len(keys)} {task} {actor} {variation}: "
-            f"{value['score']:.3f}, {value['core_s']:.1f} core s")  # fmt: skip
+        print(f"{done}/{len(keys)} {task} {actor} {variation}: "
+              f"{value['score']:.3f}, {value['core_s']:.1f} core s")  # fmt: skip
 
     with make_executor(jobs) as executor:
         store.run(keys, play, executor, progress)

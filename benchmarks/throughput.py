@@ -53,9 +53,9 @@ class _TimedMujoco:
         self.calls += 1
 
 
-def _stopwatch_seconds(calls: int = 100_000) -> float:
+def _stopwatch_seconds() -> float:
     """What a call through `_TimedMujoco` costs outside of what it measures [s]."""
-    clock = _TimedMujoco(lambda *arguments: None)
+    clock, calls = _TimedMujoco(lambda *arguments: None), 100_000
     start = time.perf_counter()
     for _ in range(calls):
         clock.mj_step(None, None)

@@ -33,12 +33,12 @@ def _is_registered() -> bool:
     return True
 
 
-def _find(folder: pathlib.Path, version: str) -> pathlib.Path:
+def _find(version: str) -> pathlib.Path:
     """Returns the path of the library for a MuJoCo version."""
-    file = folder / f"{_STEM}{version}{_SUFFIX}"
+    file = _FOLDER / f"{_STEM}{version}{_SUFFIX}"
     if file.exists():
         return file
-    others = [f.name.removeprefix(_STEM).removesuffix(_SUFFIX) for f in folder.glob(f"{_STEM}*")]
+    others = [f.name.removeprefix(_STEM).removesuffix(_SUFFIX) for f in _FOLDER.glob(f"{_STEM}*")]
     if others:
         raise UnavailableError(
             f"the engine plugins were built for MuJoCo {', '.join(sorted(others))}, but {version} "
@@ -57,7 +57,7 @@ def check_release() -> None:
     It does not import MuJoCo, because dm_control cannot be imported with every release.
     """
     if any(_FOLDER.glob(f"{_STEM}*")):
-        _find(_FOLDER, importlib.metadata.version("mujoco"))
+        _find(importlib.metadata.version("mujoco"))
 
 
 @functools.cache
@@ -78,7 +78,7 @@ def load_plugin() -> pathlib.Path:
     import mujoco
 
     with _lock:
-        file = _find(_FOLDER, mujoco.__version__)
+        file = _find(mujoco.__version__)
         if not _is_registered():
             try:
                 mujoco.mj_loadPluginLibrary(str(file))

@@ -134,9 +134,9 @@ class RoutePicker(Picker):
         self._end = leg.end
         self._route += [GripCommand(leg.step, np.array(grips))] * int(leg.steps)
 
-    def _stay(self, grips: Sequence[bool], steps: int = 1) -> None:
-        """Adds sim steps of rest."""
-        self._route += [GripCommand(np.zeros_like(self._end), np.array(grips))] * steps
+    def _stay(self, grips: Sequence[bool]) -> None:
+        """Adds a sim step of rest."""
+        self._route.append(GripCommand(np.zeros_like(self._end), np.array(grips)))
         self.sim_steps = len(self._route)
 
     def plan(self) -> None:
