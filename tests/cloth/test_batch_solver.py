@@ -92,11 +92,9 @@ class _Followed:
         return actions.clip(-1.0, 1.0)
 
 
-def _play_and_check(followed, solver, number, seed=0):
+def _play_and_check(followed, solver, number):
     """Plays env steps in all environments and the batch, which end each physics step alike."""
-    rounds = zip(
-        *(f.steps(f.actions(number, seed + i)) for i, f in enumerate(followed)), strict=True
-    )
+    rounds = zip(*(f.steps(f.actions(number, i)) for i, f in enumerate(followed)), strict=True)
     for told in rounds:
         solver.step(*(np.stack(arrays) for arrays in zip(*told, strict=True)))
         for i, each in enumerate(followed):
@@ -152,10 +150,10 @@ def test_environments_of_different_sizes_side_by_side():
     followed[0].check(twin, 0)
 
 
-def _piles(number, room=1.0):
+def _piles(number):
     """A `ClothBatchSolver` of one pile, and inputs that drop a picker's vertex on it."""
     followed = _Followed("spread_cloth", 803, fidelity="fast")
-    solver = _solver([_model(followed.env, room)] * number)
+    solver = _solver([_model(followed.env)] * number)
     for i in range(number):
         followed.place(solver, i)
     return followed, solver

@@ -26,9 +26,9 @@ def with_sliver_at_the_rim(height: float) -> Flex:
     return dataclasses.replace(flex, points=np.vstack([flex.points, apex]), elements=triangles)
 
 
-def with_sliver_inside(height: float, count: int = COUNT) -> Flex:
+def with_sliver_inside(height: float) -> Flex:
     """A sheet with a vertex at this height [m] over the middle of an inner edge."""
-    flex = _sheet(count)
+    flex = _sheet()
     points, triangles, at = flex.points, flex.elements, len(flex.elements) // 2 + 5
     a, b, c = triangles[at]
     along, across = points[b] - points[a], points[c] - (points[a] + points[b]) / 2.0

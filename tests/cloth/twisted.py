@@ -8,9 +8,9 @@ from tests.cloth.flex_scene import FlexScene
 BEND = TWIST = 1e-4  # [N m^2]
 
 
-def wavy(count: int = 12, seed: int = 0) -> np.ndarray:
-    """Points of a bent and writhing rope (count, 3) [m]."""
-    ways = np.array([1.0, 0.0, 0.0]) + np.random.default_rng(seed).normal(0.0, 0.4, (count - 1, 3))
+def wavy() -> np.ndarray:
+    """Points of a bent and writhing rope (12, 3) [m]."""
+    ways = np.array([1.0, 0.0, 0.0]) + np.random.default_rng(0).normal(0.0, 0.4, (11, 3))
     return np.concatenate([np.zeros((1, 3)), np.cumsum(0.0125 * ways, axis=0)])
 
 

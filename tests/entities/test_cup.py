@@ -29,7 +29,7 @@ def placed(pose, size=SIZE):
     return cup, physics
 
 
-def in_box(point, pose, size=SIZE):
+def in_box(point, pose):
     """Tests one point: undoes shift and rotation, then compares as docs/softgym.md 3.0 does."""
     x, z, theta = pose
     dx, dz = point[0] - x, point[2] - z
@@ -37,9 +37,9 @@ def in_box(point, pose, size=SIZE):
     along = dx * math.cos(theta) - dz * math.sin(theta)
     up = dx * math.sin(theta) + dz * math.cos(theta)
     return (
-        abs(along) <= size.length / 2 + size.wall
-        and abs(point[1]) <= size.width / 2 + size.wall
-        and -size.wall / 2 <= up <= size.height + size.wall / 2
+        abs(along) <= SIZE.length / 2 + SIZE.wall
+        and abs(point[1]) <= SIZE.width / 2 + SIZE.wall
+        and -SIZE.wall / 2 <= up <= SIZE.height + SIZE.wall / 2
     )
 
 

@@ -36,13 +36,13 @@ def _box():
 </mujoco>""")
 
 
-def _play(spin, shake, axis, steps=100):
+def _play(spin, shake, axis):
     """Returns the number of particles outside, the fastest corner [m/s] and the warnings."""
     model = _box()
     data = mujoco.MjData(model)
     axis, rate = np.array(axis) / np.linalg.norm(axis), 4 * np.pi
     angle, fastest, before = 0.0, 0.0, CORNERS
-    for step in range(1, steps + 1):
+    for step in range(1, 101):
         share = min(1.0, step / 40)
         angle += share * spin * DT
         data.mocap_quat[0, 0] = np.cos(angle / 2)

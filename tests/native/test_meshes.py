@@ -78,8 +78,8 @@ def line(length=2.0, n=9):
     return np.linspace(0, length, n)[:, None] * [0.6, 0.0, 0.8]
 
 
-def helix(n=41):
-    t = np.linspace(0, 4 * np.pi, n)
+def helix():
+    t = np.linspace(0, 4 * np.pi, 41)
     return np.stack([np.cos(t), np.sin(t), 0.1 * t], axis=1)
 
 
@@ -89,9 +89,9 @@ def fold(n=21):
     return np.stack([np.abs(t), 0.01 * t, 0 * t], axis=1)
 
 
-def bend(n=31):
+def bend():
     """One way, then the other: frames that follow the curvature would flip in between."""
-    t = np.linspace(-3, 3, n)
+    t = np.linspace(-3, 3, 31)
     return np.stack([t, np.sin(t), 0 * t], axis=1)
 
 
@@ -202,8 +202,8 @@ def lattice(*counts):
     return SPACING * np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
-def shaken(points, share=0.1):
-    return points + np.random.default_rng(0).uniform(-share, share, points.shape) * SPACING
+def shaken(points):
+    return points + np.random.default_rng(0).uniform(-0.1, 0.1, points.shape) * SPACING
 
 
 def water_of(points, voxel=0.5, **options):

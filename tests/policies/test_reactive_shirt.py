@@ -29,11 +29,11 @@ def flat():
     return np.column_stack([np.concatenate([LEFT, [[0.0, 0.0]], right]), np.zeros(11)])
 
 
-def folded_in(keys, radii=(0.1, SLEEVE)):
+def folded_in():
     """Returns key points with both sleeves in."""
-    keys = keys.copy()
+    keys = flat()
     for sign, ends in ((1.0, (1, 2)), (-1.0, (9, 8))):
-        for end, radius in zip(ends, radii, strict=True):
+        for end, radius in zip(ends, (0.1, SLEEVE), strict=True):
             keys[end, 0] = sign * (CHEST - radius)
     return keys
 
@@ -87,7 +87,7 @@ def test_a_cuff_follows_half_circles_about_the_armhole(ends, angle):
 
 
 def test_a_cuff_is_released_at_its_reflection():
-    keys = folded_in(flat())
+    keys = folded_in()
     keys[[8, 9], :] = flat()[[8, 9], :]
     keys[[1, 2], 2] = arcs.LAID
     moves, grips = moved(seen(keys, keys[[1, 2]] + ABOVE, (1, 1)))
@@ -100,7 +100,7 @@ def test_a_cuff_is_released_at_its_reflection():
 
 
 def test_a_cuff_beside_a_picker_at_the_lowest_height_is_released():
-    keys = folded_in(flat())
+    keys = folded_in()
     keys[[1, 2], 2] = 0.04
     aside = np.array([0.0, -0.05, 0.01])
     observation = seen(keys, keys[[1, 2]] + aside, (1, 1))
@@ -109,7 +109,7 @@ def test_a_cuff_beside_a_picker_at_the_lowest_height_is_released():
 
 
 def test_a_sleeve_that_was_released_half_way_is_grasped_again():
-    keys = folded_in(flat())
+    keys = folded_in()
     keys[[1, 2], 0] = CHEST
     over = keys[[1, 2]] + ABOVE + [0.0, 0.0, 0.03]
     moves, grips = moved(seen(keys, over))
@@ -134,7 +134,7 @@ def test_a_picker_waits_for_the_other_one_and_opens_if_it_holds_something_else()
 
 
 def test_the_hem_follows_the_circle_that_ends_at_the_shoulders():
-    keys, radius = folded_in(flat()), LENGTH / 2
+    keys, radius = folded_in(), LENGTH / 2
     keys[[0, 10], 0] *= shirt.TAUT
     keys[[0, 10], 1:] = -radius, radius + arcs.LAID
     moves, grips = moved(seen(keys, keys[[0, 10]] + ABOVE, (1, 1)))
@@ -148,7 +148,7 @@ def test_the_hem_follows_the_circle_that_ends_at_the_shoulders():
 
 
 def test_pickers_leave_a_folded_shirt():
-    keys = folded_in(flat())
+    keys = folded_in()
     keys[[0, 10], 1] = -0.03
     moves, grips = moved(seen(keys, keys[[0, 10]] + ABOVE))
     np.testing.assert_allclose(moves, [[0.0, 0.0, STRIDE]] * 2, atol=1e-9)

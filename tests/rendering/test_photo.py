@@ -63,14 +63,14 @@ def seen(mi, scene, size=SIZE):
     return names[np.asarray(mi.render(loaded, spp=1))[..., -1].astype(int)]
 
 
-def seen_by_mujoco(physics, size=SIZE):
-    ids = CameraView("task", size, size).segmentation(physics)
+def seen_by_mujoco(physics):
+    ids = CameraView("task", SIZE, SIZE).segmentation(physics)
     model = physics.model.ptr
     names = [
         mujoco.mj_id2name(model, int(kind), int(number)) if number >= 0 else ""
         for number, kind in ids.reshape(-1, 2)
     ]
-    return np.array(names).reshape(size, size)
+    return np.array(names).reshape(SIZE, SIZE)
 
 
 def mask(names, wanted):

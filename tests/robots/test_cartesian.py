@@ -49,10 +49,10 @@ class Scene:
             self.arms.move((i + 1) / steps, self.model.opt.timestep)
             mujoco.mj_step(self.model, self.data)
 
-    def towards(self, points: np.ndarray, grip: float = -1.0) -> None:
+    def towards(self, points: np.ndarray) -> None:
         """One sim step in which the commanded points go to `points` (num_arms, 3) if they can."""
         way = (points - self.arms.commanded_positions()) / 0.01
-        self.step(np.column_stack([way, np.full(len(way), grip)]))
+        self.step(np.column_stack([way, np.full(len(way), -1.0)]))
 
 
 def in_front(points: np.ndarray, distance: float) -> np.ndarray:

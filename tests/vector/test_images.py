@@ -124,11 +124,11 @@ MODEL = """
 """
 
 
-def _ball(device, number=1, size=(65, 65)):
+def _ball(device, number=1):
     """Pictures of environments with a ball on a table, and where it is drawn in them."""
     model = mujoco.MjModel.from_xml_string(MODEL)
     body = model.body("ball").id
-    pictures = Pictures(number, 1, 1, 1, size, device)
+    pictures = Pictures(number, 1, 1, 1, (65, 65), device)
     scene = pictures.load(describe(model, ["above"], {body: 0}, {"actor": ()}))
     scenes = device.put(np.full(number, scene))
     return pictures, scenes, device.put(np.zeros((number, 1, 3)))

@@ -129,10 +129,10 @@ class Chromium:
         self._process.wait(timeout=20)
 
 
-def wait_until(condition, duration, pause=0.05):
+def wait_until(condition, duration):
     """Waits until `condition` gives something true, and returns that."""
     end = time.monotonic() + duration
     while not (value := condition()):
         assert time.monotonic() < end, "waited in vain"
-        time.sleep(pause)
+        time.sleep(0.05)
     return value

@@ -9,10 +9,10 @@ from softgym_mj.viewing.session import FRAME_STEPS, LINGER, Pace, Session
 from softgym_mj.viewing.teleoperation import teleoperate
 
 
-def started(task, variation=800, **settings):
+def started(task, **settings):
     """An environment without end, and what drives it."""
     env = softgym_mj.load(task, split="all", horizon=10_000, **settings)
-    env.reset(variation)
+    env.reset(800)
     hand = teleoperate(env)
     hand.start()
     return env, hand
