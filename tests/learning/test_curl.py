@@ -16,14 +16,14 @@ CROP, SIZE = 15, (17, 18)
 SMALL = CURLSettings(**TINY, crop=CROP)
 
 
-def _curl(seeds=(0, 1), settings=SMALL):
-    return CURL(settings, seeds, ACTION)
+def _curl():
+    return CURL(SMALL, [0, 1], ACTION)
 
 
 def test_the_contrastive_loss_is_that_of_the_paper():
     curl = _curl()
-    curl.update(batch_of_images(2, size=SIZE))
-    curl.update(batch_of_images(2, size=SIZE, seed=1))  # So that targets are no copies.
+    curl.update(batch_of_images(size=SIZE))
+    curl.update(batch_of_images(size=SIZE, seed=1))  # So that targets are no copies.
     anchors, others = pictures(2, 4, (CROP, CROP)), pictures(2, 4, (CROP, CROP), seed=1)
     result = curl.contrastive_loss(anchors, others)
     z_a, z_p = curl.critics.seen(anchors).detach(), curl.targets.seen(others)
@@ -47,7 +47,7 @@ def test_comparisons_begin_with_numbers_in_0_to_1():
 
 def test_an_update_is_that_of_the_paper():
     """Critics learn from crops; then two optimizers follow the contrastive loss."""
-    curl, batch = _curl(), batch_of_images(2, size=SIZE)
+    curl, batch = _curl(), batch_of_images(size=SIZE)
     alike = copy.deepcopy(curl)
     source = generators([0, 1], "cpu")
     for mine, theirs in zip(source, curl.sources, strict=True):

@@ -14,8 +14,8 @@ SMALL = DrQSettings(**TINY, pad=2)
 NUMBER = 5
 
 
-def _drq(seeds=(0, 1), settings=SMALL):
-    return DrQ(settings, seeds, SIZE, ACTION)
+def _drq():
+    return DrQ(SMALL, [0, 1], SIZE, ACTION)
 
 
 def _halves(batch):
@@ -27,9 +27,9 @@ _PARTS = slice(NUMBER), slice(NUMBER, 2 * NUMBER)
 
 def test_losses_are_those_of_the_paper():
     drq = _drq()
-    drq.update(batch_of_images(2))
-    drq.update(batch_of_images(2, seed=1))  # So that targets are no copies.
-    both = drq._shifted(batch_of_images(2, seed=2))
+    drq.update(batch_of_images())
+    drq.update(batch_of_images(seed=1))  # So that targets are no copies.
+    both = drq._shifted(batch_of_images(seed=2))
     first, second = _halves(both)
     noise = drawn(drq.sources, 2 * NUMBER, ACTION)
     result = drq.critic_loss(both, noise)
@@ -59,7 +59,7 @@ def test_losses_are_those_of_the_paper():
 
 
 def test_images_are_shifted_and_all_else_stays():
-    drq, batch = _drq(), batch_of_images(2)
+    drq, batch = _drq(), batch_of_images()
     first, second = _halves(drq._shifted(batch))
     for part in (first, second):
         for name in ("action", "reward", "discount"):
@@ -86,7 +86,7 @@ def _moved(image, row, column):
 
 
 def test_features_are_in_minus_1_to_1():
-    drq, batch = _drq(), batch_of_images(2)
+    drq, batch = _drq(), batch_of_images()
     features = drq.critics.seen(batch.observation)
     assert features.abs().max() < 1.0
     before = drq.critics.seen[:-1](batch.observation)  # Normalized.

@@ -32,12 +32,13 @@ def pictures(seeds, number, size=SIZE, seed=0):
     return torch.randint(256, shape, generator=source, dtype=torch.uint8)
 
 
-def batch_of_images(seeds, number=5, size=SIZE, seed=0):
+def batch_of_images(size=SIZE, seed=0):
+    """Five steps of two seeds."""
     source = torch.Generator().manual_seed(seed)
-    action = torch.randn(seeds, number, ACTION, generator=source).tanh()
+    action = torch.randn(2, 5, ACTION, generator=source).tanh()
     return Batch(
-        pictures(seeds, number, size, seed), action, torch.randn(seeds, number, generator=source),
-        pictures(seeds, number, size, seed + 100), torch.full((seeds, number), 0.9),
+        pictures(2, 5, size, seed), action, torch.randn(2, 5, generator=source),
+        pictures(2, 5, size, seed + 100), torch.full((2, 5), 0.9),
     )  # fmt: skip
 
 
@@ -138,12 +139,12 @@ def test_kernels_are_orthogonal_in_the_middle_and_of_their_seed_alone():
 # ------------------------------------------------------------------ actors and critics
 
 
-def _sac(seeds=(0, 1), size=SIZE, **settings):
-    return PixelSAC(PixelSettings(**TINY, **settings), seeds, size, ACTION)
+def _sac(**settings):
+    return PixelSAC(PixelSettings(**TINY, **settings), [0, 1], SIZE, ACTION)
 
 
 def test_only_critics_teach_the_convolutions():
-    sac, batch, noise = _sac(), batch_of_images(2), torch.zeros(2, 5, ACTION)
+    sac, batch, noise = _sac(), batch_of_images(), torch.zeros(2, 5, ACTION)
     shared, head = sac.actor.seen[0], sac.actor.seen[2]
     assert sac.critics.seen[0] is shared and sac.critics.seen[1] is not head
     assert sac.targets.seen[0] is not shared
@@ -180,14 +181,14 @@ def test_rates_are_halved_and_stay_so():
                 for adam, r in zip(second._adams[:2], own, strict=True)
             )
         for sac in (first, second)[: 1 + (step >= 3)]:
-            sac.update(batch_of_images(2, seed=step))
+            sac.update(batch_of_images(seed=step))
             assert rate(sac) == pytest.approx(target)
     assert all(map(torch.equal, first.actor.parameters(), second.actor.parameters()))
 
 
 def test_a_policy_is_a_file_that_takes_images(tmp_path):
     sac, larger = _sac(tanh=True), (20, 19)
-    sac.update(batch_of_images(2, size=larger))
+    sac.update(batch_of_images(size=larger))
     example = pictures(1, 1, larger)[0]
     program = torch.export.export(sac.policy(1), (example,))
     torch.export.save(program, tmp_path / "policy.pt2")

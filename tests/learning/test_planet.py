@@ -25,8 +25,8 @@ TINY = PlaNetSettings(
 )  # fmt: skip
 
 
-def _model(seeds, image_size=SIZE, **sizes):
-    return WorldModel(generators(seeds, "cpu"), image_size, ACTION, **{**SIZES, **sizes})
+def _model(seeds, **sizes):
+    return WorldModel(generators(seeds, "cpu"), SIZE, ACTION, **{**SIZES, **sizes})
 
 
 def _problem(seeds=(0, 1), num_envs=2, size=SIZE):
@@ -123,11 +123,10 @@ def test_states_are_those_of_torchrl():
 # ---------------------------------------------------------------------- losses
 
 
-def _stretches(seeds, number=3, length=6, ended=()):
+def _stretches(ended=()):
     """Random stretches of env steps, in whose given steps episodes end; images, and noise."""
-    sources = generators(seeds, "cpu")
-    lead = number, length
-    over = torch.zeros(len(seeds), *lead, dtype=torch.bool)
+    sources, lead = generators([1, 2], "cpu"), (3, 6)
+    over = torch.zeros(2, *lead, dtype=torch.bool)
     for place in ended:
         over[:, :, place] = True
     frames = drawn(sources, *lead, SIZE, SIZE, 3)
@@ -144,7 +143,7 @@ def test_losses_are_those_of_torchrl():
     from tensordict.nn import TensorDictModule, TensorDictSequential
     from torchrl.objectives import DreamerModelLoss
 
-    model, (step, image, noise) = _model([3, 4]), _stretches([1, 2])
+    model, (step, image, noise) = _model([3, 4]), _stretches()
     result = losses(model, step, image, noise, 3.0)
     path = model.observe(image, step.action, step.ended, noise)
     flat = path.belief.flatten(1, 2), path.latent.flatten(1, 2)
@@ -182,7 +181,7 @@ def test_losses_are_those_of_torchrl():
 
 def test_stretches_never_cross_episodes():
     """Two parts of a stretch are what they are as stretches of their own."""
-    model, (step, image, noise) = _model([3, 4]), _stretches([1, 2], ended=[2])
+    model, (step, image, noise) = _model([3, 4]), _stretches(ended=[2])
     whole = losses(model, step, image, noise, 0.0)
     for name, value in whole.items():
         parts = []
@@ -195,7 +194,7 @@ def test_stretches_never_cross_episodes():
 
 
 def test_bfloat16_changes_little_but_the_speed():
-    step, image, noise = _stretches([1, 2])
+    step, image, noise = _stretches()
     result = []
     for kind in (torch.float32, torch.bfloat16):
         model = _model([3, 4], kind=kind)

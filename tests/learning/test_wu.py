@@ -32,19 +32,20 @@ def _blobs(corner, size, half=1):
     return colors[near.long()]
 
 
-def _images(source, seeds, number, size=SIZE):
-    """Of a piece of cloth anywhere, with some noise."""
-    corner = torch.rand(seeds, number, 2, generator=source) * torch.tensor(size)
-    noise = torch.randint(0, 8, (seeds, number, *size, 3), generator=source, dtype=torch.uint8)
-    return _blobs(corner.long(), size) + noise
+def _images(source, number):
+    """Of a piece of cloth anywhere, with some noise, for two seeds."""
+    corner = torch.rand(2, number, 2, generator=source) * torch.tensor(SIZE)
+    noise = torch.randint(0, 8, (2, number, *SIZE, 3), generator=source, dtype=torch.uint8)
+    return _blobs(corner.long(), SIZE) + noise
 
 
-def _batch(seeds, number=6, seed=0, size=SIZE):
+def _batch(seed=0):
+    """Six steps of two seeds."""
     source = torch.Generator().manual_seed(seed)
-    images, following = (_images(source, seeds, number, size) for _ in range(2))
-    action = 2.0 * torch.rand(seeds, number, 5, generator=source) - 1.0
-    reward = torch.randn(seeds, number, generator=source)
-    return Batch(images, action, reward, following, torch.full((seeds, number), 0.9))
+    images, following = (_images(source, 6) for _ in range(2))
+    action = 2.0 * torch.rand(2, 6, 5, generator=source) - 1.0
+    reward = torch.randn(2, 6, generator=source)
+    return Batch(images, action, reward, following, torch.full((2, 6), 0.9))
 
 
 # ------------------------------------------------------------------ cloth
@@ -138,8 +139,8 @@ def _drawn_place(wu, k, image, pick, noise):
 def test_losses_are_those_of_the_paper(monkeypatch):
     wu = PickAndPlace(SMALL, [0, 1], SIZE)
     for step in range(2):  # So that targets are no copies, nor the entropy weight its start.
-        wu.update(_batch(2, seed=step))
-    batch, noises = _batch(2, seed=5), torch.randn(2, 2, 6, 3)
+        wu.update(_batch(seed=step))
+    batch, noises = _batch(seed=5), torch.randn(2, 2, 6, 3)
     following = torch.rand(2, 6, 2)
     monkeypatch.setattr(wu, "draw_pick", lambda images: following)
     left = iter(noises)
@@ -180,7 +181,7 @@ def test_losses_are_those_of_the_paper(monkeypatch):
 
 def test_the_best_are_a_fifth_of_the_cloth_by_what_critics_say():
     wu, number = PickAndPlace(SMALL, [0, 1], SIZE), 60
-    wu.update(_batch(2))
+    wu.update(_batch())
     corner = torch.tensor([[[3, 4]], [[4, 8]]])
     images = _blobs(corner, SIZE, half=2)
     images[1, 0, 2, 6:9] = torch.tensor(FLOOR, dtype=torch.uint8)  # Fewer than of the other.
@@ -202,14 +203,14 @@ def test_the_best_are_a_fifth_of_the_cloth_by_what_critics_say():
 # ------------------------------------------------------------------ learning
 
 
-def _problem(seeds=(0, 1), observation=(*SIZE, 3), action=5):
+def _problem(observation=(*SIZE, 3), action=5):
     settings = {"actor": "pixel_pick_and_place"}
-    return Problem("spread_cloth", settings, seeds, 2, observation, action, 1.0, "cpu")
+    return Problem("spread_cloth", settings, (0, 1), 2, observation, action, 1.0, "cpu")
 
 
 def test_what_is_done_at_random_begins_at_cloth():
     learner, source = make(SMALL, _problem()), torch.Generator().manual_seed(5)
-    images, no = _images(source, 2, 200), torch.zeros(2, 200, dtype=torch.bool)
+    images, no = _images(source, 200), torch.zeros(2, 200, dtype=torch.bool)
     action, _ = learner.act(images, no, None, explore=True)
     at = (action[..., None, :2] == pixel_centers(*SIZE)).all(-1)
     assert at.sum() == 400 and (at & cloth_pixels(images).flatten(2)).sum() == 400
@@ -218,7 +219,7 @@ def test_what_is_done_at_random_begins_at_cloth():
 
 def test_an_evaluation_has_random_numbers_of_its_own():
     learner, source = make(SMALL, _problem()), torch.Generator().manual_seed(5)
-    images, no = _images(source, 2, 3), torch.zeros(2, 3, dtype=torch.bool)
+    images, no = _images(source, 3), torch.zeros(2, 3, dtype=torch.bool)
     state = learner.get_state()
     (one, memory), (again, _) = (learner.act(images, no, None, explore=False) for _ in range(2))
     assert torch.equal(one, again)
