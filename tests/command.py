@@ -1,21 +1,26 @@
 """Commands of `softgym-mj`, run in this process."""
 
 import pytest
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
 from softgym_mj.cli import commands
 
 
+def invoked(*words: object) -> Result:
+    """Runs a command; returns its exit status, what it prints and what it raises."""
+    return CliRunner().invoke(commands.app, [*map(str, words)])
+
+
 def output_of(*words: object) -> str:
     """Runs a command that succeeds; returns what it prints."""
-    done = CliRunner().invoke(commands.app, [*map(str, words)])
+    done = invoked(*words)
     assert done.exit_code == 0, f"{done.output} {done.exception}"
     return done.output
 
 
 def error_of(*words: object) -> BaseException | None:
     """Runs a command that fails; returns what it raises."""
-    return CliRunner().invoke(commands.app, [*map(str, words)]).exception
+    return invoked(*words).exception
 
 
 def status_of(words: list[str], monkeypatch: pytest.MonkeyPatch) -> int:

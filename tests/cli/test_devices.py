@@ -5,7 +5,6 @@ import logging
 
 import pytest
 import torch
-from typer.testing import CliRunner
 
 from softgym_mj.batch import gpu
 from softgym_mj.cli import commands
@@ -33,12 +32,11 @@ def test_kernels_are_compiled_once(tmp_path, monkeypatch, kernels):
     pytest.importorskip("cuda.core")
     monkeypatch.setattr(gpu, "KERNELS", {name: gpu.KERNELS[name] for name in kernels})
     monkeypatch.setenv("SOFTGYM_MJ_CACHE", str(tmp_path))
-    first = CliRunner().invoke(commands.app, ["compile", "--arch", "90"])
-    assert first.exit_code == 0, first.output
-    assert sorted(gpu.KERNELS) == [line.split()[0] for line in sorted(first.stdout.splitlines())]
+    lines = output_of("compile", "--arch", "90").splitlines()
+    assert sorted(gpu.KERNELS) == [line.split()[0] for line in sorted(lines)]
     kept = {file: file.stat().st_mtime_ns for file in (tmp_path / "kernels").iterdir()}
     assert len(kept) == len(gpu.KERNELS)
-    CliRunner().invoke(commands.app, ["compile", "--arch", "90"])
+    output_of("compile", "--arch", "90")
     assert kept == {file: file.stat().st_mtime_ns for file in (tmp_path / "kernels").iterdir()}
 
 

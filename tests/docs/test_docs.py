@@ -11,15 +11,14 @@ import gymnasium
 import imageio.v3 as imageio
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import softgym_mj
 from softgym_mj import compat, registry
-from softgym_mj.cli import commands, playing
+from softgym_mj.cli import playing
 from softgym_mj.entities import View
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.rendering.look import FAST, LOOKS
-from tests.command import output_of
+from tests.command import invoked, output_of
 from tools import architecture, tables
 
 ROOT = pathlib.Path(__file__).parents[2]
@@ -144,8 +143,8 @@ def test_commands_run(command, monkeypatch, folder):
     for needed in shlex.split(command)[2:] if " plot " in command else []:
         if needed.startswith("runs/") and not (folder / needed).exists():
             (maker,) = [other for other in shown_commands() if other.endswith(f"--out {needed}")]
-            CliRunner().invoke(commands.app, shlex.split(maker)[1:])
-    result = CliRunner().invoke(commands.app, shlex.split(command)[1:])
+            invoked(*shlex.split(maker)[1:])
+    result = invoked(*shlex.split(command)[1:])
     if command.startswith("softgym-mj view"):
         assert type(result.exception).__name__ == "UnavailableError"
         assert "softgym-mj rollout" in str(result.exception)

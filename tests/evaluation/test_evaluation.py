@@ -10,11 +10,9 @@ import sys
 import gymnasium
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import softgym_mj
 from softgym_mj import evaluation
-from softgym_mj.cli import commands
 from softgym_mj.cli import evaluation as cli_evaluation
 from softgym_mj.evaluation import Configuration, Planning, evaluate, running
 from softgym_mj.exceptions import InvalidArgumentError, StoreError, UnavailableError
@@ -23,7 +21,7 @@ from softgym_mj.policies.exported import export_policy
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.rendering.offscreen import CameraView
 from softgym_mj.vector.batch.backend import BatchBackend
-from tests.command import error_of, output_of
+from tests.command import error_of, invoked, output_of
 
 SHORT = {"horizon": 6, "fidelity": "fast"}
 PLANNING = Planning(horizon=3, budget=60, iterations=2, replan_every=2)
@@ -299,7 +297,7 @@ def test_the_command_line_evaluates(tmp_path, monkeypatch):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(evaluation, "evaluate", interrupt)
-    stopped = CliRunner().invoke(commands.app, arguments)
+    stopped = invoked(*arguments)
     assert stopped.exit_code == 130 and "the same command continues" in stopped.output
     error = error_of(*arguments[:2], "--task-settings", "[1]")
     assert isinstance(error, InvalidArgumentError) and "task_settings='[1]'" in str(error)

@@ -4,12 +4,9 @@ import json
 import re
 import time
 
-from typer.testing import CliRunner
-
-from softgym_mj.cli import commands
 from softgym_mj.learning import reports
 from softgym_mj.learning.methods.sac import SAC
-from tests.command import output_of
+from tests.command import invoked, output_of
 
 SETTINGS = {
     "env_steps": 16, "num_envs": 2, "part": 8, "evaluate_every": 2, "episodes": 1,
@@ -29,7 +26,7 @@ def test_a_log_has_lines_of_how_a_training_goes(tmp_path, monkeypatch):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(SAC, "update", interrupted)
-    done = CliRunner().invoke(commands.app, command)
+    done = invoked(*command)
     assert done.exit_code != 0
     lines = done.output.splitlines()
     name = r"\d\d:\d\d:\d\d sac straighten_rope, seeds 0: "

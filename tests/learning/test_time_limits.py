@@ -5,13 +5,11 @@ import dataclasses
 import json
 
 import pytest
-from typer.testing import CliRunner
 
-from softgym_mj.cli import commands
 from softgym_mj.learning.results import read_rows
 from softgym_mj.learning.time_limits import OVERHEAD, TimeLimit
 from softgym_mj.learning.training import Training
-from tests.command import output_of
+from tests.command import invoked, output_of
 from tests.learning.test_training import METHOD, SEEDS, SETTINGS, result_of
 
 # Evaluations have episodes of six env steps. Those of the final one are of two variations of two
@@ -129,5 +127,5 @@ def test_the_command(tmp_path, no_policies):
     assert "ended after" not in output_of(*command)
     assert {row.env_steps for row in read_rows(tmp_path / "curve.csv")} == {16}
     for more in (["--minutes", "0"], ["--minutes", "9", "--jobs", "2"]):
-        done = CliRunner().invoke(commands.app, [*command, *more])
+        done = invoked(*command, *more)
         assert done.exit_code != 0 and "minutes=" in f"{done.output} {done.exception}"

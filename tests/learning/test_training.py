@@ -11,10 +11,8 @@ import zipfile
 import numpy as np
 import pytest
 import torch
-from typer.testing import CliRunner
 
 import softgym_mj
-from softgym_mj.cli import commands
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.learning.curves import COLUMNS
 from softgym_mj.learning.registry import METHODS, PRESETS, find_method, find_preset
@@ -24,6 +22,7 @@ from softgym_mj.learning.training import Training
 from softgym_mj.policies.exported import observes
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.robots.gripper import HELD
+from tests.command import invoked
 
 SEEDS = [4, 9]
 METHOD = find_method(
@@ -160,13 +159,17 @@ def test_a_card_says_what_a_checkpoint_is(whole):
     assert [row["split"] for row in card["last"]] == ["train", "train", "evaluate", "evaluate"]
 
 
-def test_nothing_is_kept_of_a_part_without_checkpoints(whole, tmp_path, no_policies):
+def _kill_after_two_parts(training):
     def kill(training, news):
         if training.done == 2:
             raise Killed
 
     with pytest.raises(Killed):
-        _training(tmp_path).run(kill)
+        training.run(kill)
+
+
+def test_nothing_is_kept_of_a_part_without_checkpoints(whole, tmp_path, no_policies):
+    _kill_after_two_parts(_training(tmp_path))
     again = _training(tmp_path)
     again.learner.algorithm.update = lambda batch: (_ for _ in ()).throw(Killed)
     with pytest.raises(Killed):
@@ -256,13 +259,7 @@ def test_a_training_that_has_ended_goes_on_to_more_env_steps(whole, tmp_path, no
 
 def test_a_training_becomes_a_shorter_one_that_it_has_not_passed(tmp_path, no_policies):
     """Killed after the second of four parts, then of three; two are fewer than it has then."""
-
-    def kill(training, news):
-        if training.done == 2:
-            raise Killed
-
-    with pytest.raises(Killed):
-        _training(tmp_path / "killed").run(kill)
+    _kill_after_two_parts(_training(tmp_path / "killed"))
     settings = dataclasses.replace(SETTINGS, env_steps=24)
     shorter, expected = (_training(tmp_path / name, settings=settings) for name in ("killed", "24"))
     for training in (shorter, expected):
@@ -327,7 +324,7 @@ def test_a_task_is_trained_with_arguments_of_its_own(tmp_path, no_policies, devi
 )
 def test_bad_arguments_of_tasks_are_refused(tmp_path, arguments, message):
     command = ["train", "sac", "straighten_rope", "--device", "host", "--out", str(tmp_path)]
-    done = CliRunner().invoke(commands.app, [*command, "--task-settings", json.dumps(arguments)])
+    done = invoked(*command, "--task-settings", json.dumps(arguments))
     assert done.exit_code != 0
     assert re.search(message, " ".join(f"{done.output} {done.exception}".split()))
 

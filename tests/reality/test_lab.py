@@ -7,16 +7,14 @@ import math
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from softgym_mj.cli import commands
 from softgym_mj.entities.fabric import Fabric
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.reality.lab import experiments
 from softgym_mj.reality.lab.meshes import MESHES, strip
 from softgym_mj.reality.lab.report import run
 from softgym_mj.reality.lab.specimen import Specimen
-from tests.command import output_of
+from tests.command import invoked, output_of
 
 NAMES = ("navy_sparkle", "royal_target")  # The softest and the stiffest to be stretched.
 FABRICS = pytest.mark.parametrize("name", NAMES)
@@ -94,8 +92,8 @@ def test_the_command_prints_and_writes_what_was_measured(tmp_path):
 
 
 def test_the_command_fails_if_a_number_is_off():
-    arguments = ["validate", "lab", "--fabric", "white_dots", "--experiment", "hanging_sheet"]
-    result = CliRunner().invoke(commands.app, arguments)
+    options = ["--fabric", "white_dots", "--experiment", "hanging_sheet"]
+    result = invoked("validate", "lab", *options)
     assert result.exit_code == 1
     assert "5 FAILED" in result.output
 

@@ -4,9 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from softgym_mj.cli import commands
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.reality.water import comparison
 from softgym_mj.reality.water.dam_breaks import DamBreak, Obstacle
@@ -21,6 +19,7 @@ from softgym_mj.reality.water.recordings import (
     read_table,
 )
 from softgym_mj.reality.water.signals import errors, likeness
+from tests.command import invoked
 from tests.reality.waters import HEADER, write_spheric, write_tables
 
 FRONT = np.array([[0.0, 1.0], [0.5, 1.1], [1.5, 1.9]])
@@ -140,11 +139,8 @@ def test_the_command_prints_and_writes_errors(tmp_path):
     wave = np.column_stack([times, np.interp(times, linear.times, linear.values)])
     write_tables(tmp_path, SLOSHING, {"faltinsen": wave})
     out = tmp_path / "out.json"
-    arguments = ["validate", "water", str(tmp_path), "--cells", "4", "--out", str(out)]
-    names = "koshizuka_oka_sudden", "faltinsen"
-    result = CliRunner().invoke(
-        commands.app, [*arguments, *(word for name in names for word in ("--experiment", name))]
-    )
+    chosen = ["--experiment", "koshizuka_oka_sudden", "--experiment", "faltinsen"]
+    result = invoked("validate", "water", tmp_path, "--cells", 4, "--out", out, *chosen)
     assert result.exit_code in (0, 1), result.output
     rows = json.loads(out.read_text())["measurements"]
     by = {(row["solution"], row["error"]["quantity"]): row["error"]["value"] for row in rows}
