@@ -9,7 +9,7 @@ from scipy import sparse
 
 from softgym_mj.entities.fabric import Fabric
 from softgym_mj.entities.flex import Color
-from softgym_mj.entities.mesh_files import mesh_warnings, read_mesh
+from softgym_mj.entities.mesh_files import mesh_warnings, read_mesh, triangle_areas
 from softgym_mj.entities.sheet import BACK_COLOR, FRONT_COLOR, Sheet
 from softgym_mj.rendering.skins import refined
 from softgym_mj.validation import typed
@@ -33,9 +33,7 @@ class MeshSheet(Sheet):
         """Replaces the mesh by `points` (n, 3) [m] and `triangles` (m, 3)."""
         memory = _LEAST_MEMORY + _MEMORY_OF_PAIR * len(points) ** 2
         self._mjcf_root.size.memory = str(memory)
-        corners = points[triangles]
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        self.area = float(np.linalg.norm(normals, axis=1).sum() / 2)
+        self.area = float(triangle_areas(points, triangles).sum())
         self._set_mesh(points, triangles)
 
     def laid(self, center: tuple[float, float] = (0.0, 0.0), angle: float = 0.0) -> np.ndarray:

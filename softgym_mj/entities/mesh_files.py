@@ -117,6 +117,13 @@ def _joined(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.n
     return points[used], np.searchsorted(used, whole), len(triangles) - len(whole)
 
 
+def triangle_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Returns areas (m,) [m^2] of triangles (m, 3) of points (n, 3) [m]."""
+    corners = points[triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return np.linalg.norm(normals, axis=1) / 2.0
+
+
 def mesh_warnings(points: np.ndarray, triangles: np.ndarray, thickness: float) -> list[str]:
     """Returns warnings about a mesh as a sheet of a thickness [m], each a sentence."""
     pairs = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1).reshape(-1, 2))
@@ -124,11 +131,9 @@ def mesh_warnings(points: np.ndarray, triangles: np.ndarray, thickness: float) -
     lengths = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
     corners = points[triangles]
     sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
-    areas = np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-    )
+    doubled = 2.0 * triangle_areas(points, triangles)
     low, high = LOWEST_TRIANGLE * thickness, LONGEST_EDGE * thickness
-    slim, flat = (np.count_nonzero(areas < height * sides) for height in (low, JOINED))
+    slim, flat = (np.count_nonzero(doubled < height * sides) for height in (low, JOINED))
     graph = sparse.coo_array((np.ones(len(edges)), edges.T), (len(points),) * 2)
     parts, part = sparse.csgraph.connected_components(graph, directed=False)
     found = []

@@ -5,6 +5,7 @@ import numpy as np
 
 from softgym_mj.entities.cloth import alternating_triangles
 from softgym_mj.entities.fabric import Fabric
+from softgym_mj.entities.mesh_files import triangle_areas
 from softgym_mj.entities.sheet import Sheet
 from softgym_mj.reality.alone import compiled_alone, set_masses
 
@@ -64,7 +65,5 @@ def compiled(
 
 def _vertex_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Returns areas (n,) [m^2] of vertices: a third of the triangles around each."""
-    corners = points[triangles]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    areas = np.linalg.norm(normals, axis=1) / 2.0
-    return np.bincount(triangles.ravel(), np.repeat(areas / 3.0, 3), len(points))
+    shares = np.repeat(triangle_areas(points, triangles) / 3.0, 3)
+    return np.bincount(triangles.ravel(), shares, len(points))

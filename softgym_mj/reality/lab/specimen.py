@@ -8,6 +8,7 @@ import numpy as np
 from softgym_mj.cloth import solver
 from softgym_mj.entities.fabric import Fabric
 from softgym_mj.entities.flex import HELD_MASS
+from softgym_mj.entities.mesh_files import triangle_areas
 from softgym_mj.exceptions import SimulationError
 from softgym_mj.native.library import CLOTH, load_plugin
 from softgym_mj.reality.lab.theory import GRAVITY
@@ -128,9 +129,7 @@ def _xml(points, triangles, fabric, gravity, floor, substeps, timestep) -> str:
         for key, value in {**fabric.material(), "substeps": substeps}.items()
         if value != 0.0
     )
-    corners = points[triangles]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    mass = fabric.density * float(np.linalg.norm(normals, axis=1).sum()) / 2.0
+    mass = fabric.density * float(triangle_areas(points, triangles).sum())
     numbers = " ".join(f"{x:.12g}" for x in points.ravel())
     elements = " ".join(map(str, triangles.ravel()))
     plane = '<geom type="plane" size="9 9 .1" friction="1e-3"/>' if floor else ""
