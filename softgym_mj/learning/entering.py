@@ -86,7 +86,7 @@ def _of_training(
     assert isinstance(points, list)
     yield from _bad_length(points, own, training)
     yield from _missing(rows, seeds, points)
-    yield from _bad_episodes(rows, seeds, folder / EPISODES)
+    yield from _bad_episodes(rows, folder / EPISODES)
 
 
 def _bad_task(training: Mapping[str, Any]) -> Iterator[str]:
@@ -154,7 +154,7 @@ def _missing(rows: Sequence[Row], seeds: Sequence[int], points: Sequence[int]) -
         yield f"final rows are of {sorted(episodes)} held-out episodes, not {len(HELD_OUT)}"
 
 
-def _bad_episodes(rows: Sequence[Row], seeds: Sequence[int], file: pathlib.Path) -> Iterator[str]:
+def _bad_episodes(rows: Sequence[Row], file: pathlib.Path) -> Iterator[str]:
     """Yields violations unless final rows are the means of the listed episodes."""
     if not file.exists():
         yield f"there is no {file.name}, how each held-out episode ended"

@@ -403,7 +403,7 @@ def test_a_run_is_done_by_final_rows_of_all_its_seeds(changes):
     assert not run.is_done([rows[0], dataclasses.replace(rows[1], **changes)])
 
 
-def test_commands_have_what_settings_replace(tmp_path):
+def test_commands_have_what_settings_replace():
     run = QueuedRun("fold_cloth", "sac", "fast", 3, "", settings={"part": 512}, core_hours=2)
     assert "--seeds 3 --settings '{\"part\": 512}' --device cuda --out training/" in run.command
     custom = ("fold_cloth", "default", "sac", "reduced", "custom", "plain")
