@@ -444,32 +444,34 @@ def test_step_after_truncation():
             gym.step(np.zeros(8))
 
 
+def are_closed(*uses):
+    for use in uses:
+        with pytest.raises(exceptions.LifecycleError, match="closed: make a new one"):
+            use()
+
+
 def test_use_after_close():
     gym = make(ROPE_ID).unwrapped
     gym.reset(options={"variation": 3})
     state = gym.get_state()
     gym.close()
-    for use in (
+    are_closed(
         gym.reset,
         lambda: gym.step(np.zeros(8)),
         gym.render,
         gym.get_state,
         lambda: gym.set_state(state),
-    ):
-        with pytest.raises(exceptions.LifecycleError, match="closed: make a new one"):
-            use()
+    )
     gym.close()
     env = gym.dm_env
-    for use in (
+    are_closed(
         env.reset,
         lambda: env.step(np.zeros(8)),
         env.observation,
         env.info,
         env.get_state,
         lambda: env.set_state(state[0]),
-    ):
-        with pytest.raises(exceptions.LifecycleError, match="closed: make a new one"):
-            use()
+    )
     env.close()
 
 
@@ -481,7 +483,7 @@ def test_use_of_many_before_the_first_reset_and_after_close(device):
     envs.reset()
     states, actions = envs.get_state(), np.zeros((1, 8), np.float32)
     envs.close()
-    for use in (
+    are_closed(
         envs.reset,
         lambda: envs.step(actions),
         lambda: envs.step_async(actions),
@@ -490,9 +492,7 @@ def test_use_of_many_before_the_first_reset_and_after_close(device):
         lambda: envs.set_state(states),
         lambda: envs.call("horizon"),
         lambda: envs.set_attr("mark", 1),
-    ):
-        with pytest.raises(exceptions.LifecycleError, match="closed: make a new one"):
-            use()
+    )
     envs.close()
 
 
