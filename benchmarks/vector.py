@@ -35,10 +35,7 @@ class Crowd:
     def __init__(self, task: str, observation: str, num_envs: int, num_workers: int):
         record = softgym_mj.TASKS[task]
         self.envs = gymnasium.make_vec(
-            record.gymnasium_id,
-            num_envs=num_envs,
-            num_workers=num_workers,
-            observation=observation,
+            record.gymnasium_id, num_envs=num_envs, num_workers=num_workers, observation=observation
         )
         size = (record.horizon + 1, *self.envs.action_space.shape)
         self.actions = np.random.default_rng(0).uniform(-1, 1, size).astype(np.float32)

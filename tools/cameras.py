@@ -188,9 +188,7 @@ def share(frame: Frame, direction: Direction, row: Row, side: int) -> float:
 
 
 def scores(
-    every: Sequence[Frame],
-    compared: Sequence[tuple[Direction, Row]],
-    how: tuple[int, int],
+    every: Sequence[Frame], compared: Sequence[tuple[Direction, Row]], how: tuple[int, int]
 ) -> np.ndarray:
     """Score of each camera (n,): worst share at the smallest starts times median along episodes."""
     side, number = how

@@ -139,13 +139,7 @@ class _Stream:
 
 
 def launch(
-    name: str,
-    entry: str,
-    device: Any,
-    blocks: int,
-    threads: int,
-    *numbers: int,
-    quick: int = 0,
+    name: str, entry: str, device: Any, blocks: int, threads: int, *numbers: int, quick: int = 0
 ) -> None:
     """Launches a kernel on PyTorch's current stream.
 

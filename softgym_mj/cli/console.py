@@ -33,8 +33,7 @@ Grasp = Annotated[
     str | None, typer.Option(help="Grasp of arms: attach or friction; default: the task's own.")
 ]
 Look = Annotated[
-    str | None,
-    typer.Option(help=f"Rendering quality: {' or '.join(LOOKS)} (slower, for videos)."),
+    str | None, typer.Option(help=f"Rendering quality: {' or '.join(LOOKS)} (slower, for videos).")
 ]
 Trust = Annotated[
     bool,
@@ -62,11 +61,7 @@ Variation = Annotated[
 ]
 Variations = Annotated[
     str | None,
-    typer.Option(
-        "--variations",
-        "--variation",
-        help="Variations, not a split: 800,803,810-819.",
-    ),
+    typer.Option("--variations", "--variation", help="Variations, not a split: 800,803,810-819."),
 ]
 CableRecordings = Annotated[
     pathlib.Path | None, typer.Argument(help="Folder data_set of the recordings (docs/reality.md).")

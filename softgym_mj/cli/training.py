@@ -77,7 +77,7 @@ def train(
         typer.Option(
             help="Policy that distill imitates: with --trust FILE.pt2, or the name of one in "
             "docs/results/policies of a clone; or MODULE:FUNCTION that maps markov observations "
-            "to actions, or those that its attribute `observes` names.",
+            "to actions, or those that its attribute `observes` names."
         ),
     ] = None,
     trust: Trust = False,

@@ -78,11 +78,7 @@ def lab(
 
 
 def _echo(
-    line: str,
-    names: Sequence[str],
-    errors: Sequence[float],
-    speed: float,
-    models: Sequence[str],
+    line: str, names: Sequence[str], errors: Sequence[float], speed: float, models: Sequence[str]
 ) -> None:
     """Prints names, errors [m] in mm, and of a simulation its speed and the modeled effects."""
     numbers = [f"{1e3 * error:.1f}" for error in errors]

@@ -57,10 +57,7 @@ class SolidMotion(NamedTuple):
 
 
 def describe(
-    model: mujoco.MjModel,
-    grippers: Sequence[int],
-    room: float = 1.0,
-    solids: Sequence[int] = (),
+    model: mujoco.MjModel, grippers: Sequence[int], room: float = 1.0, solids: Sequence[int] = ()
 ) -> np.ndarray:
     """Converts a model for `ClothBatchSolver`; returns bytes (size,) uint8.
 

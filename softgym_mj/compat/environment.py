@@ -193,10 +193,7 @@ class OldEnv:
         return observation
 
     def step(
-        self,
-        action: np.ndarray,
-        record_continuous_video: bool = False,
-        img_size: int | None = None,
+        self, action: np.ndarray, record_continuous_video: bool = False, img_size: int | None = None
     ) -> tuple[np.ndarray, float, bool, dict]:
         """Applies an action (n,); returns observation (m,), reward, done and info.
 

@@ -41,10 +41,7 @@ class CameraPose:
 
     @classmethod
     def looking(
-        cls,
-        position: Sequence[float],
-        at: Sequence[float],
-        field_of_view: float = FIELD_OF_VIEW,
+        cls, position: Sequence[float], at: Sequence[float], field_of_view: float = FIELD_OF_VIEW
     ) -> "CameraPose":
         """Returns an upright camera at `position` (3,) [m] that looks at the point `at` (3,) [m].
 
@@ -206,9 +203,7 @@ VIEWS = {
     ),
     **{
         name: View(
-            CameraPose.looking(*usual),
-            with_arms=CameraPose.looking(*arms),
-            **_OTHERS.get(name, {}),
+            CameraPose.looking(*usual), with_arms=CameraPose.looking(*arms), **_OTHERS.get(name, {})
         )
         for name, (usual, arms) in FRAMED.items()
     },

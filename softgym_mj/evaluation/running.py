@@ -131,11 +131,7 @@ def evaluate(
 
 
 def _planned(
-    configuration: Configuration,
-    store: Store,
-    executor: Executor,
-    progress: Progress,
-    device: str,
+    configuration: Configuration, store: Store, executor: Executor, progress: Progress, device: str
 ) -> tuple[Callable[[Sequence[tuple[int, int]]], list[dict]], Executor]:
     """Returns a function that plays episodes of a planner, and an executor of its batch size."""
     planning = configuration.planning

@@ -15,9 +15,7 @@ class CudaGraph:
     """Repeats a function that changes arrays in place, as a CUDA graph if there is a GPU."""
 
     def __init__(
-        self,
-        function: Callable[[], dict[str, Tensor]],
-        sources: Sequence[torch.Generator],
+        self, function: Callable[[], dict[str, Tensor]], sources: Sequence[torch.Generator]
     ):
         """Sets the function.
 

@@ -48,9 +48,7 @@ def make_log(name: str, folder: pathlib.Path) -> Log:
 
 
 def _tell(
-    training: Training,
-    losses: Mapping[str, Sequence[float]],
-    add: Callable[[str, float, int], Any],
+    training: Training, losses: Mapping[str, Sequence[float]], add: Callable[[str, float, int], Any]
 ) -> None:
     env_steps = training.env_steps
     for name, values in losses.items():

@@ -95,11 +95,7 @@ class MLP(nn.Sequential):
     """Multilayer perceptron of each seed, with ReLU."""
 
     def __init__(
-        self,
-        sources: Sequence[torch.Generator],
-        sizes: Sequence[int],
-        *,
-        norm: bool = False,
+        self, sources: Sequence[torch.Generator], sizes: Sequence[int], *, norm: bool = False
     ):
         """Draws the weights.
 

@@ -115,12 +115,7 @@ class OffPolicy:
         replay: The replay buffer.
     """
 
-    def __init__(
-        self,
-        settings: OffPolicySettings,
-        problem: Problem,
-        algorithm: Algorithm,
-    ):
+    def __init__(self, settings: OffPolicySettings, problem: Problem, algorithm: Algorithm):
         """Allocates the replay buffer.
 
         Args:

@@ -135,10 +135,7 @@ def find_preset(
         part: {key: value for layer in layers for key, value in layer.get(part, {}).items()}
         for part in ("training", "method")
     }
-    defaults = {
-        "training": _defaults(TrainingSettings, "task"),
-        "method": _defaults(method_class),
-    }
+    defaults = {"training": _defaults(TrainingSettings, "task"), "method": _defaults(method_class)}
     changed = set()
     for key, value in replaced.items():
         parts = [part for part in defaults if key in defaults[part]]

@@ -88,12 +88,7 @@ def cap_rings(sides: int) -> int:
 
 
 def tube(
-    points: np.ndarray,
-    radius: float,
-    *,
-    sides: int,
-    rings_per_edge: int,
-    strands: Strands = PLAIN,
+    points: np.ndarray, radius: float, *, sides: int, rings_per_edge: int, strands: Strands = PLAIN
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns the surface of a rope: a tube along a smooth curve through points, with round ends.
 

@@ -67,10 +67,7 @@ class Picker(Gripper):
     _holding: Attachment
 
     def _build(
-        self,
-        geometry: Geometry = CLOTH_GEOMETRY,
-        num_pickers: int = 2,
-        name: str = "picker",
+        self, geometry: Geometry = CLOTH_GEOMETRY, num_pickers: int = 2, name: str = "picker"
     ):
         """Builds the pickers.
 

@@ -88,11 +88,7 @@ class RouteCable(Task):
     symmetries = anywhere("same", "reversed")
 
     def __init__(
-        self,
-        *,
-        fidelity: str = "default",
-        routes: str = "usual",
-        **settings: Unpack[TaskSettings],
+        self, *, fidelity: str = "default", routes: str = "usual", **settings: Unpack[TaskSettings]
     ):
         """Builds the task.
 

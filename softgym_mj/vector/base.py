@@ -92,11 +92,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         return self._run(self._reset, mask, seeds, variations, parts)
 
     def _reset(
-        self,
-        mask: np.ndarray,
-        seeds: list[int | None],
-        variations: list[int | None],
-        parts: int,
+        self, mask: np.ndarray, seeds: list[int | None], variations: list[int | None], parts: int
     ):
         self.backend.settle()
         sampler, chosen = self.backend.sampler, {}

@@ -61,9 +61,7 @@ def test_a_mesh_of_a_sphere_touches_as_a_sphere():
     """Contacts lie at the radius around it, push along it, and carry the weight."""
     radius, cloth = 0.1, sheet(12, 12, center=(0.0, 0.0, 0.11), fabric=WOVEN)
     rest = scene(
-        cloth,
-        scenery=MESH.format('pos="0 0 0"'),
-        extra=mesh_asset(*solid_meshes.sphere(radius)),
+        cloth, scenery=MESH.format('pos="0 0 0"'), extra=mesh_asset(*solid_meshes.sphere(radius))
     )
     rest.step(150)
     contacts = solver.contacts(rest.model, rest.data)

@@ -17,10 +17,7 @@ import pytest
 from tests.docs.test_site import ROOT
 from tests.viewing import chromium
 
-pytestmark = [
-    pytest.mark.long,
-    pytest.mark.skipif(chromium.path() is None, reason="no Chromium"),
-]
+pytestmark = [pytest.mark.long, pytest.mark.skipif(chromium.path() is None, reason="no Chromium")]
 LOAD_TIME = 60.0  # [s] That a page may take; notebooks have megabytes of films.
 LOADED = "document.readyState === 'complete' && location.href"
 BROKEN = """[

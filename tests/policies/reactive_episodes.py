@@ -13,10 +13,7 @@ def fast_or_all(variations, few):
     """Parameters (fidelity, variations): a few fast ones by default, all in the long run."""
     return pytest.mark.parametrize(
         ("fidelity", "variations"),
-        [
-            ("fast", variations[:few]),
-            pytest.param("default", variations, marks=pytest.mark.long),
-        ],
+        [("fast", variations[:few]), pytest.param("default", variations, marks=pytest.mark.long)],
     )
 
 

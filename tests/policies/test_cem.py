@@ -138,10 +138,7 @@ def test_bad_returns(returns, message):
 
 @pytest.mark.parametrize(
     ("task", "settings"),
-    [
-        ("straighten_rope", {"num_pickers": 2}),
-        ("transport_water", {"fidelity": "fast"}),
-    ],
+    [("straighten_rope", {"num_pickers": 2}), ("transport_water", {"fidelity": "fast"})],
 )
 def test_rollouts_are_what_the_environment_does(task, settings):
     env = softgym_mj.load(task, split="all", observation="reduced", **settings)

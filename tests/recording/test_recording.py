@@ -103,8 +103,7 @@ def test_default_ids_tell_what_acts():
 
 
 @pytest.mark.parametrize(
-    ("variations", "split"),
-    [((0, 799), "train"), ((800, 999), "evaluate"), ((799, 800), "all")],
+    ("variations", "split"), [((0, 799), "train"), ((800, 999), "evaluate"), ((799, 800), "all")]
 )
 def test_recovered_environments_draw_from_their_splits(variations, split):
     dataset = record("straighten_rope", variations, "zero", horizon=1)

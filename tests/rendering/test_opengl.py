@@ -107,8 +107,7 @@ def test_pyopengl_may_be_imported_before_the_first_image_and_triton_after_it():
 
 
 @pytest.mark.parametrize(
-    "first",
-    ["from dm_control import suite", pytest.param("import mujoco", marks=pytest.mark.long)],
+    "first", ["from dm_control import suite", pytest.param("import mujoco", marks=pytest.mark.long)]
 )
 def test_packages_imported_earlier_without_a_display_render_off_screen(first):
     # Without MUJOCO_GL, both have chosen GLFW by then.

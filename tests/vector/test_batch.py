@@ -316,10 +316,7 @@ def _agree(arrays, tensors, where=slice(None)):
         np.testing.assert_allclose(other, own, rtol=1e-6, atol=1e-7, err_msg=name)
 
 
-@pytest.mark.parametrize(
-    "task, settings",
-    [*by_material({}), ("straighten_rope", PIXELS)],
-)
+@pytest.mark.parametrize("task, settings", [*by_material({}), ("straighten_rope", PIXELS)])
 def test_tensors_say_what_arrays_say(task, settings):
     both = _twins(task, horizon=3, **settings)
     first, second = (envs.reset(seed=2) for envs in both)

@@ -26,10 +26,7 @@ OBJECT = LABELS.index("object")
 FIXED = [name for name in IMAGES if name != WRIST_RGB]  # By cameras that do not move.
 SIZE = (72, 64)
 # No faults of a sensor: a batch has none.
-SEEN_OTHERWISE = {
-    "visual": "in_distribution",
-    "sensor": "nominal",
-}
+SEEN_OTHERWISE = {"visual": "in_distribution", "sensor": "nominal"}
 
 
 def overlap(first, second):

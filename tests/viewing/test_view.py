@@ -31,10 +31,7 @@ def pressing(task, right=(1.0, 0.0, 0.0), **settings):
 def test_keys_are_free_in_the_viewer():
     taken = {ord(c) for entry in (*mujoco.mjVISSTRING, *mujoco.mjRNDSTRING) for c in entry[2]}
     taken |= {ord(c) for c in "012345[]"} | {256, 258, 266} | set(range(290, 297))
-    for hand in (
-        types.SimpleNamespace(turns=True, can_grip=True, names=("a", "b")),
-        None,
-    ):
+    for hand in (types.SimpleNamespace(turns=True, can_grip=True, names=("a", "b")), None):
         codes = [code for key in keys.keys_of(hand) for code in key.codes]
         assert len(codes) == len(set(codes)) and not taken & set(codes)
 

@@ -49,11 +49,7 @@ class Cable(Flex):
 
     parameters: tuple[Parameter, ...] = ()
 
-    def _build(
-        self,
-        spacing: np.ndarray,
-        properties: Properties,
-    ):
+    def _build(self, spacing: np.ndarray, properties: Properties):
         """Builds the cable.
 
         Args:

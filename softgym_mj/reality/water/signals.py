@@ -40,6 +40,5 @@ def likeness(
     found = [np.corrcoef(np.interp(at * s, times, simulated), recorded)[0, 1] for s in stretches]
     same = np.interp(at, times, simulated)
     return Likeness(
-        period=float(stretches[int(np.argmax(found))]),
-        amplitude=float(same.std() / recorded.std()),
+        period=float(stretches[int(np.argmax(found))]), amplitude=float(same.std() / recorded.std())
     )

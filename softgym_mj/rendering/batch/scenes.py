@@ -107,10 +107,7 @@ def _lights(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
 
 
 def _eyes(
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    cameras: Sequence[str],
-    movers: Mapping[int, int],
+    model: mujoco.MjModel, data: mujoco.MjData, cameras: Sequence[str], movers: Mapping[int, int]
 ) -> np.ndarray:
     rows, ids = [], camera_ids(model)
     for name in cameras:

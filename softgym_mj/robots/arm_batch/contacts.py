@@ -171,10 +171,7 @@ def _pairs(
 
 
 def _nearest(
-    hand: Shapes,
-    own: Sequence[jax.Array],
-    solids: Fixed,
-    place: tuple[jax.Array, jax.Array],
+    hand: Shapes, own: Sequence[jax.Array], solids: Fixed, place: tuple[jax.Array, jax.Array]
 ) -> boxes.Manifold:
     """Returns contacts (k, s, 1) at the nearest points of solids of a hand and fixed ones."""
     shapes = Shapes(
@@ -191,10 +188,7 @@ def _nearest(
 
 
 def _boxes_cylinders(
-    hand: Shapes,
-    own: Sequence[jax.Array],
-    solids: Fixed,
-    place: tuple[jax.Array, jax.Array],
+    hand: Shapes, own: Sequence[jax.Array], solids: Fixed, place: tuple[jax.Array, jax.Array]
 ) -> boxes.Manifold:
     """Returns contacts (k, s, 4) with caps or, of pairs without these, at the nearest points."""
     caps = _pairs(cylinders.box_cap, hand, own, solids, place)

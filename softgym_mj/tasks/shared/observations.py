@@ -131,11 +131,7 @@ OBSERVATIONS = {
     "point_cloud": "float32 (1024, 4): x, y, z of evenly spread points of the object visible to "
     "these cameras, and 1; rows of zeros if fewer are visible",
 }
-TAKEN = (
-    "rgb",
-    EXTERNAL_RGB,
-    WRIST_RGB,
-)  # Images to which the sensor parameters of a domain apply.
+TAKEN = ("rgb", EXTERNAL_RGB, WRIST_RGB)  # Images to which the sensor parameters of a domain apply.
 GOAL_RGB = "goal_rgb"  # "rgb" with the goal reached, for tasks that can render it.
 # Requirements of the observations that some actors or tasks lack.
 _NEEDS = {
