@@ -182,10 +182,8 @@ class Flex(Entity, Parametric):
         edges = slice(model.flex_edgeadr[flex], model.flex_edgeadr[flex] + model.flex_edgenum[flex])
         self.edges = np.array(model.flex_edge[edges])
         self.rest_lengths = np.array(model.flexedge_length0[edges])
-        self._held, self.mesh_distances = (
-            {},
-            MeshDistances(self.num_points, self.edges, self.rest_lengths),
-        )
+        self._held = {}
+        self.mesh_distances = MeshDistances(self.num_points, self.edges, self.rest_lengths)
 
     def points(self) -> np.ndarray:
         """Returns current vertex positions (num_points, 3) [m] in the world, a fresh array."""

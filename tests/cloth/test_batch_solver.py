@@ -54,10 +54,8 @@ class _Followed:
     def place(self, solver, i):
         """Copies the environment's state to row `i` of the batch."""
         count = self.flex.num_points
-        solver.qpos[i, :count], solver.qvel[i, :count] = (
-            self.flex.slides,
-            self.flex.slide_velocities,
-        )
+        solver.qpos[i, :count] = self.flex.slides
+        solver.qvel[i, :count] = self.flex.slide_velocities
         solver.gripper_qpos[i] = self.actor.slides
         solver.valid[i] = 0
 

@@ -42,10 +42,8 @@ def test_the_recurrent_unit_is_pytorchs():
     for k in range(2):
         own = nn.GRUCell(5, 7)
         own.weight_ih.data, own.bias_ih.data = ours.seen.weight[k].T, ours.seen.bias[k, 0]
-        own.weight_hh.data, own.bias_hh.data = (
-            ours.state_gates.weight[k].T,
-            ours.state_gates.bias[k, 0],
-        )
+        own.weight_hh.data = ours.state_gates.weight[k].T
+        own.bias_hh.data = ours.state_gates.bias[k, 0]
         torch.testing.assert_close(ours(x, state)[k], own(x[k], state[k]))
 
 
@@ -95,19 +93,14 @@ def test_states_are_those_of_torchrl():
     joined, cell = model._join, model._cell
     prior.action_state_projector = nn.Sequential(plain_layer(joined, k), nn.ReLU())
     prior.rnn.weight_ih.data, prior.rnn.bias_ih.data = cell.seen.weight[k].T, cell.seen.bias[k, 0]
-    prior.rnn.weight_hh.data, prior.rnn.bias_hh.data = (
-        cell.state_gates.weight[k].T,
-        cell.state_gates.bias[k, 0],
-    )
+    prior.rnn.weight_hh.data = cell.state_gates.weight[k].T
+    prior.rnn.bias_hh.data = cell.state_gates.bias[k, 0]
     for network, ours in (
         (prior.rnn_to_prior_projector, model._prior),
         (posterior.obs_rnn_to_post_projector, model._posterior),
     ):
-        network[0], network[1], network[2] = (
-            plain_layer(ours[0], k),
-            nn.ReLU(),
-            plain_layer(ours[2], k),
-        )
+        network[0], network[2] = plain_layer(ours[0], k), plain_layer(ours[2], k)
+        network[1] = nn.ReLU()
     after = model.advance(belief, latent, action)
     mean, deviation, _, expected = prior(latent[k], belief[k], action[k], noise)
     torch.testing.assert_close(after[k], expected)

@@ -38,10 +38,8 @@ def _train(learner, number):
 
 def test_the_student_learns_from_images_what_its_teacher_learned_from_states():
     learner = _learner()
-    places, first = (
-        torch.linspace(-0.8, 0.8, NUM_ENVS)[None, :, None],
-        torch.ones(1, NUM_ENVS).bool(),
-    )
+    places = torch.linspace(-0.8, 0.8, NUM_ENVS)[None, :, None]
+    first = torch.ones(1, NUM_ENVS).bool()
 
     def miss(act, seen):
         return (act(seen, first, None, explore=False)[0] + places).abs().mean().item()

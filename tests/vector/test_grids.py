@@ -110,10 +110,8 @@ def test_rows_are_environments(task):
 
 
 def test_a_snapshot_continues_anywhere(task):
-    envs, env = (
-        softgym_mj.make_vec(task, 2, device="host", **SETTINGS),
-        SoftGymEnv(task, **SETTINGS),
-    )
+    envs = softgym_mj.make_vec(task, 2, device="host", **SETTINGS)
+    env = SoftGymEnv(task, **SETTINGS)
     envs.reset(seed=0, options={"variation": VARIATIONS[:2]})
     action = np.zeros(envs.action_space.shape, np.float32)
     for _ in range(4):

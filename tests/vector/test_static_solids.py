@@ -41,10 +41,8 @@ def test_a_snapshot_of_a_hanging_towel_continues_anywhere(episodes):
 def test_hands_meet_the_bar_as_in_environments(arms):
     pytest.importorskip("jax", reason="needs the extra gpu-arms")
     settings = {**SETTINGS, "observation": "proprioception", "actor": "franka", "arms": arms}
-    envs, env = (
-        softgym_mj.make_vec("hang_cloth", 2, device="host", **settings),
-        SoftGymEnv("hang_cloth", **settings),
-    )
+    envs = softgym_mj.make_vec("hang_cloth", 2, device="host", **settings)
+    env = SoftGymEnv("hang_cloth", **settings)
     envs.reset(seed=0, options={"variation": VARIATIONS})
     env.reset(options={"variation": VARIATIONS[1]})
     actor, found, behind = env.dm_env.task.actor, [], []

@@ -20,9 +20,8 @@ def material_of(
     color = rgba if number < 0 else model.mat_rgba[number]
     found["color"], found["opacity"], found["texture"] = color[:3], color[3], -1
     if number >= 0:
-        found["specular"], found["shininess"] = (
-            model.mat_specular[number], model.mat_shininess[number],
-        )  # fmt: skip
+        found["specular"] = model.mat_specular[number]
+        found["shininess"] = model.mat_shininess[number]
         texels = texture_of(model, number)
         if texels is not None:
             found["texture"], found["repeat"] = len(textures), model.mat_texrepeat[number, 0]

@@ -98,11 +98,8 @@ class Arms(ArmActor, Gripper):
         kind = ACTIONS[action]
         self.servos = JointServos(arm, self.mounts, arm_bodies.home(arm), tips)
         self._filtered_command = kind(self.servos, self._clip)
-        self.actions, self.displaces, self.turns = (
-            self._filtered_command.actions,
-            kind.displaces,
-            kind.turns,
-        )
+        self.actions = self._filtered_command.actions
+        self.displaces, self.turns = kind.displaces, kind.turns
         self._set_workspace(Workspace((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0)))
 
     def after_compile(self, physics, random_state):

@@ -163,12 +163,8 @@ def evaluate(
 def _impedance(parameters: Any, distance: jax.Array) -> jax.Array:
     """Returns the impedance of rows with parameters (n, 5) at distances (n,)."""
     low, high = jnp.clip(parameters[:, :2], LEAST, MOST).T
-    width, middle, power = (
-        parameters[:, 2],
-        jnp.clip(parameters[:, 3], LEAST, MOST),
-        parameters[:, 4],
-    )
-    power = jnp.maximum(power, 1.0)
+    width, middle = parameters[:, 2], jnp.clip(parameters[:, 3], LEAST, MOST)
+    power = jnp.maximum(parameters[:, 4], 1.0)
     x = jnp.clip(distance / jnp.maximum(width, mujoco.mjMINVAL), 0.0, 1.0)
     rising = x**power / middle ** (power - 1.0)
     falling = 1.0 - (1.0 - x) ** power / (1.0 - middle) ** (power - 1.0)
