@@ -87,7 +87,6 @@ class CURL(PixelSAC):
         self._contrast_adam = adam([*weights, *self.contrast.parameters()], rate)
 
     def update(self, batch: Batch) -> dict[str, Tensor]:
-        """Makes one update from a batch of images; returns losses (seeds,) by name."""
         anchor, following, other = (
             cropped(pictures, self._size, drawn(self.sources, 2, pictures.shape[1], normal=False))
             for pictures in (batch.observation, batch.next_observation, batch.observation)
@@ -119,11 +118,9 @@ class CURL(PixelSAC):
     # ------------------------------------------------------------------ state
 
     def get_state(self) -> dict[str, Any]:
-        """Returns the state from which `set_state` continues exactly."""
         return super().get_state() | {"contrast": copy.deepcopy(self.contrast.state_dict())}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Restores a state of `get_state`."""
         super().set_state(state)
         self.contrast.load_state_dict(state["contrast"])
 

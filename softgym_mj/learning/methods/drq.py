@@ -49,7 +49,6 @@ class DrQ(PixelSAC):
     settings: DrQSettings
 
     def update(self, batch: Batch) -> dict[str, Tensor]:
-        """Makes one update from a batch of images; returns losses (seeds,) by name."""
         return super().update(self._shifted(batch))
 
     def _shifted(self, batch: Batch) -> Batch:

@@ -45,7 +45,6 @@ class PickAndPlaceBatch(PickerBatch):
         return int(self._device.get(self._ends).max())
 
     def command(self, actions: Array) -> None:
-        """Starts an env step with actions (num_envs, 5)."""
         xp, state = self._xp, self._state
         low, high = (state["workspace"][:, None, i] for i in range(2))
         points = shown_points(state["view"], actions[:, :2], state["radius"])

@@ -83,7 +83,6 @@ class _SizedCloth(SettledFlex):
         return (self.dims(index),)
 
     def flex(self, index: int) -> Cloth:
-        """Returns the cloth of a variation."""
         return Cloth(dims=self.dims(index), fidelity=self.fidelity)
 
 

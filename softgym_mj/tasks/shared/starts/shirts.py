@@ -70,7 +70,6 @@ class FlatShirt(SettledFlex):
         return (self.cut(index),)
 
     def flex(self, index: int) -> Shirt:
-        """Returns the shirt of a variation."""
         return Shirt(self.cut(index), fidelity=self.fidelity)
 
     def begin(self, index, flex):
