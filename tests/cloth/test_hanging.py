@@ -64,10 +64,6 @@ def hanging(end: str, mass: float, top: str = "", **settings) -> mujoco.MjModel:
 TOP = f'<connect body1="a_0" anchor="0 0 0" {FIRM}/>'
 
 
-def vertex_mass(model: mujoco.MjModel) -> float:
-    return float(model.body("a_1").mass[0])
-
-
 @pytest.mark.parametrize("mass", [0.002, 0.1, 10 * CORD_MASS])
 @pytest.mark.parametrize("end", ENDS)
 def test_a_load_hangs_where_its_cord_ends(end, mass):
@@ -83,7 +79,7 @@ def test_a_load_hangs_where_its_cord_ends(end, mass):
     longer = (mass + CORD_MASS / 2) * GRAVITY * LENGTH / STRETCH
     np.testing.assert_allclose(heights, HEIGHT - longer, atol=2e-4)
     # The vertex of an equality has a weight of its own, a pinned one has none.
-    carried = mass + (vertex_mass(model) if end != "pin" else 0.0)
+    carried = mass + (model.body("a_1").mass[0] if end != "pin" else 0.0)
     assert np.mean(pulls) == pytest.approx(carried * GRAVITY, rel=0.005)
 
 

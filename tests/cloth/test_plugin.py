@@ -228,10 +228,6 @@ def test_what_touches_is_what_contype_and_conaffinity_say(bits, touches):
 # ------------------------------------------------------------------ errors
 
 
-def compile_with(**material) -> mujoco.MjModel:
-    return mujoco.MjModel.from_xml_string(model_xml(sheet(4, 4, material=material)))
-
-
 NUMBERS = ["stretch", "stiffening", "shear", "bend", "bend_weft", "bend_bias", "stretch_damping",
            "bend_damping", "friction", "drag", "contype", "conaffinity",
            "substeps", "sweeps", "contact_stiffness",
@@ -248,7 +244,7 @@ NUMBERS = ["stretch", "stiffening", "shear", "bend", "bend_weft", "bend_bias", "
 )  # fmt: skip
 def test_a_bad_attribute_is_a_compile_error_that_names_it(key, value, message):
     with pytest.raises(ValueError, match=message):
-        compile_with(**{key: value})
+        mujoco.MjModel.from_xml_string(model_xml(sheet(4, 4, material={key: value})))
 
 
 MESH = """<geom name="rock" type="mesh" mesh="rock" {}/>"""
