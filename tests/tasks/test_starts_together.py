@@ -14,10 +14,6 @@ from tests.native.torch_device import TorchDevice
 INDICES = [803, 7]
 
 
-def _water():
-    return find("transport_water").build(fidelity="fast").store._start
-
-
 @pytest.mark.parametrize(
     ("start", "device"),
     [
@@ -30,7 +26,8 @@ def _water():
     ids=["rope", "flat", "hanging", "crumpled", "water"],
 )
 def test_together_as_alone(start, device):
-    start = _water() if start == "water" else start
+    if start == "water":
+        start = find("transport_water").build(fidelity="fast").store._start
     together = start.generate_all(INDICES, device)
     for index, found in zip(INDICES, together, strict=True):
         np.testing.assert_array_equal(found, start.generate(index))
