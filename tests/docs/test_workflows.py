@@ -17,6 +17,7 @@ from softgym_mj.exceptions import UnavailableError
 from tools import mujoco_version
 
 ROOT = pathlib.Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
 
 
@@ -29,9 +30,7 @@ def test_workflows_name_what_exists(path):
         assert all(("run" in step) != ("uses" in step) for step in job["steps"])
     for script in re.findall(r"(?:python|bash) ((?:tools|\.ci)/\S+?)[\s)]", text):
         assert (ROOT / script).is_file(), script
-    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"][
-        "optional-dependencies"
-    ]
+    extras = PROJECT["optional-dependencies"]
     for extra in re.findall(r"'\.\[(\w+)\]'", text):
         assert extra in extras
 
@@ -49,20 +48,18 @@ def test_a_release_waits_for_its_demo():
 def test_the_image_is_made_of_what_is_there():
     kept = re.findall(r"^!(.*)$", (ROOT / ".dockerignore").read_text(), re.MULTILINE)
     assert all((ROOT / name).exists() for name in kept)
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    assert {project["readme"], *project["license-files"], "pyproject.toml"} <= set(kept)
+    assert {PROJECT["readme"], *PROJECT["license-files"], "pyproject.toml"} <= set(kept)
     image = (ROOT / "Dockerfile").read_text()
     libraries = "libegl1 libgl1-mesa-dri libopengl0"
     assert libraries in image and libraries in (ROOT / "tools" / "setup.sh").read_text()
-    assert f'["{next(iter(project["scripts"]))}"]' in image
+    assert f'["{next(iter(PROJECT["scripts"]))}"]' in image
 
 
 def test_all_say_the_same_of_python():
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    listed = [text.split()[-1] for text in project["classifiers"] if "Python ::" in text]
+    listed = [text.split()[-1] for text in PROJECT["classifiers"] if "Python ::" in text]
     tested, last = listed[:2], listed[-1]  # The others have no wheels of labmaze.
     above = f"{last.split('.')[0]}.{int(last.split('.')[1]) + 1}"
-    assert project["requires-python"] == f">={listed[0]},<{above}"
+    assert PROJECT["requires-python"] == f">={listed[0]},<{above}"
     workflows = {path.stem: yaml.safe_load(path.read_text()) for path in WORKFLOWS}
     for workflow, job, versions in (("ci", "test", tested), ("wheels", "demo", listed)):
         assert workflows[workflow]["jobs"][job]["strategy"]["matrix"]["python"] == versions
@@ -78,7 +75,6 @@ def test_all_say_the_same_of_python():
 
 @pytest.mark.parametrize("version", ["3.13", "3.14"])
 def test_python_without_labmaze_gets_all_else_that_dm_control_needs(version):
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     above = {"python_version": version, "extra": ""}
 
     def needed(lines):
@@ -89,10 +85,10 @@ def test_python_without_labmaze_gets_all_else_that_dm_control_needs(version):
             if one.marker is None or one.marker.evaluate(above)
         }
 
-    own, theirs = needed(project["dependencies"]), needed(importlib.metadata.requires("dm-control"))
+    own, theirs = needed(PROJECT["dependencies"]), needed(importlib.metadata.requires("dm-control"))
     assert set(theirs) - set(own) == {"labmaze"}
     command = next(
-        line for line in project["dependencies"] if line.startswith("dm-control")
+        line for line in PROJECT["dependencies"] if line.startswith("dm-control")
     ).partition(";")[0]
     for file in (
         "docs/quickstart.md", "tools/setup.sh", "softgym_mj/envs/__init__.py",
