@@ -73,9 +73,7 @@ class FoldCloth(ClothExpert):
         They are the corners of column 0, or the nearest vertices where a gripper reaches both.
         """
         cloth, targets, mirrors = self._env.task.cloth, [], []
-        rows, columns = cloth.shape
-        vertices = np.arange(rows * columns).reshape(rows, columns)
-        half = slice(0, columns // 2)
+        vertices, half = cloth.arrays["grid"], slice(0, cloth.shape[1] // 2)
         upper, lower = vertices[:, half].ravel(), vertices[:, ::-1][:, half].ravel()
         flat = cloth.flat()
         for i, corner in enumerate(self._matched(cloth.corners[:2].tolist())):

@@ -39,9 +39,8 @@ class FoldCrumpledCloth(CrumpledClothExpert):
 
     def _handles(self) -> list[int]:
         """Returns the vertices of the columns in the middle."""
-        rows, columns = self._env.task.cloth.shape
-        middle = columns // 2
-        vertices = np.arange(rows * columns).reshape(rows, columns)
+        vertices = self._env.task.cloth.arrays["grid"]
+        middle = vertices.shape[1] // 2
         return vertices[:, middle - ASTRAY : middle + ASTRAY + 1].ravel().tolist()
 
     def _hold_worth(self, a: int, b: int) -> float:

@@ -27,10 +27,8 @@ class SpreadCloth(CrumpledClothExpert):
 
     def _handles(self) -> list[int]:
         """Returns the vertices on the edges."""
-        rows, columns = self._env.task.cloth.shape
-        vertices = np.arange(rows * columns).reshape(rows, columns)
-        inner = vertices[1:-1, 1:-1]
-        return np.setdiff1d(vertices, inner).tolist()
+        vertices = self._env.task.cloth.arrays["grid"]
+        return np.setdiff1d(vertices, vertices[1:-1, 1:-1]).tolist()
 
     def _hold_worth(self, a: int, b: int) -> float:
         """Returns the distance of the vertices minus the extent of the cloth behind them [m]."""
