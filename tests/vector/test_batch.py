@@ -296,6 +296,22 @@ def test_gymnasium_makes_it():
     envs.close()
 
 
+def test_tensors_on_the_cpu_are_arrays_to_environments_in_arrays():
+    arrays, tensors = (_make("straighten_rope", horizon=3) for _ in range(2))
+    arrays.reset(seed=0)
+    tensors.reset(seed=0)
+    for actions in _actions(arrays, 3):
+        assert same(arrays.step(actions), tensors.step(torch.from_numpy(actions)))
+    with pytest.raises(InvalidArgumentError, match=r"actions\[1, 2\] = nan"):
+        actions[1, 2] = np.nan
+        tensors.step(torch.from_numpy(actions))
+    valid = "actions.device='meta' is not valid: expected cpu."
+    with pytest.raises(InvalidArgumentError, match=valid):
+        tensors.step(torch.from_numpy(actions).to("meta"))
+    for envs in (arrays, tensors):
+        envs.close()
+
+
 def _twins(task, number=3, mode="NextStep", **settings):
     """Two batches of the same environments, of NumPy arrays and of PyTorch tensors."""
     return [

@@ -33,16 +33,16 @@ class BatchBackend(BatchEpisodes):
 
         Tensors are clipped to [-1, 1] without a warning, and values that are not finite end the
         episode of their environment. With `clip_actions=False` tensors are read and checked, too.
+        Environments in NumPy arrays check tensors on the CPU as they check NumPy arrays.
         """
-        if not is_torch_array(actions):
+        like = self._actions
+        is_tensor = is_torch_array(actions)
+        if not is_tensor or (isinstance(like, np.ndarray) and actions.device.type == "cpu"):
             checked = checked_actions(actions, self.num_envs, self.action_space, self.clipped)
             return self._device.put(checked.astype(float))
         shape = self.num_envs, *(self.action_space.shape or ())
-        like = self._actions
-        if type(like) is not type(actions) or actions.device != like.device:
-            raise InvalidArgumentError(
-                "actions", f"on {actions.device}", "on the environments' device"
-            )
+        if actions.device != like.device:
+            raise InvalidArgumentError("actions.device", str(actions.device), f"{like.device}")
         if tuple(actions.shape) != shape or not actions.is_floating_point():
             raise InvalidArgumentError(
                 f"actions are {actions.dtype}{tuple(actions.shape)}; expected real numbers {shape}."
