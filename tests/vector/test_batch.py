@@ -293,6 +293,12 @@ def test_gymnasium_makes_it():
     observations, _ = envs.reset(seed=1)
     assert observations in envs.observation_space
     assert envs.get_attr("horizon") == (75, 75)
+    with pytest.raises(InvalidArgumentError, match=r"set_attr\('horizon', 5\) is not available"):
+        envs.set_attr("horizon", 5)
+    with pytest.raises(InvalidArgumentError, match="name='render' is not available"):
+        envs.get_attr("render")
+    with pytest.raises(AttributeError, match="has no attribute 'smell'"):  # As on the CPU.
+        envs.get_attr("smell")
     envs.close()
 
 

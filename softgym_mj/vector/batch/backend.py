@@ -163,4 +163,7 @@ class BatchBackend(BatchEpisodes):
             steps = np.array([int(share * self.horizon) for (share,), _ in arguments])
             self._at["count"] += self._device.put(steps)
             return (None,) * self.num_envs
+        if name == "set_wrapper_attr":
+            raise cpu_only(f"set_attr{arguments[0][0]}")
+        getattr(self._example, name)  # Raises an AttributeError if there is none on the CPU either.
         raise cpu_only(f"name={name!r}")
