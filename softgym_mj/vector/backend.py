@@ -128,19 +128,22 @@ def checked_actions(
         InvalidArgumentError: If the number of actions or their shape is wrong, or if one is not
             finite or outside the space.
     """
-    actions = as_array("actions", actions).copy()  # An interrupted step may come to it later.
+    given, box = actions, space if isinstance(space, gymnasium.spaces.Box) else None
+    actions = as_array("actions", given).copy()  # An interrupted step may come to it later.
+    if box is not None and actions.dtype.kind not in "fiub":
+        raise InvalidArgumentError("actions", given, f"real numbers {(number, *box.shape)}")
     if actions.shape[:1] != (number,):
         valid = f"an action for each of the {number} environments"
         raise InvalidArgumentError("actions.shape", actions.shape, valid)
-    if not isinstance(space, gymnasium.spaces.Box):
+    if box is None:
         return actions
-    if actions.dtype.kind not in "fiub" or actions.shape[1:] != space.shape:
+    if actions.shape[1:] != box.shape:
         raise InvalidArgumentError(
             f"actions are {actions.dtype}{actions.shape}; expected real numbers "
-            f"{(number, *space.shape)}."
+            f"{(number, *box.shape)}."
         )
     actions = actions if clipped is None else clipped(actions)
-    fits = (actions >= space.low - BOUND_TOLERANCE) & (actions <= space.high + BOUND_TOLERANCE)
+    fits = (actions >= box.low - BOUND_TOLERANCE) & (actions <= box.high + BOUND_TOLERANCE)
     bad = np.argwhere(~fits)  # NaN fails both comparisons.
     if len(bad):
         first = tuple(bad[0].tolist())

@@ -163,6 +163,10 @@ def test_a_bad_action_steps_nobody(envs):
             f"actions.shape={np.shape(few)} is not valid: expected an action for each of the 3 "
             "environments."
         )
+    for wrong in (None, "up"):
+        with pytest.raises(InvalidArgumentError) as error:
+            envs.step(wrong)
+        assert str(error.value) == f"actions={wrong!r} is not valid: expected real numbers (3, 8)."
     for wrong in (act[:, :7], act.astype(str), [[0.0] * 8, [0.0] * 8, "up"]):
         with pytest.raises(InvalidArgumentError):
             envs.step(wrong)
