@@ -57,6 +57,8 @@ class Gripper(BodyActor):
 
     # [m] Height of a gripper's center above a vertex that hangs from it.
     hold_height = 0.05
+    # Argument of tasks that sets the number of grippers.
+    counted_by = "num_pickers"
     # Whether an action is a displacement of grippers (`displacing`).
     displaces = True
     # Whether it also has rotations (`Arms.posing`).

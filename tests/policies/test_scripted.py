@@ -104,6 +104,12 @@ def test_water_is_poured():
     assert info["fraction_in_cup"] < 0.01 and info["normalized_performance"] > 0.85
 
 
-def test_an_expert_needs_two_pickers():
-    with pytest.raises(InvalidArgumentError, match="num_pickers=1"):
-        make_policy(softgym_mj.load("straighten_rope", num_pickers=1))
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [({"num_pickers": 1}, "num_pickers=1"), ({"actor": "franka", "arms": 1}, "arms=1")],
+)
+def test_an_expert_needs_two_grippers(settings, words):
+    with pytest.raises(InvalidArgumentError, match=f"^{words} is not valid: expected 2"):
+        make_policy(softgym_mj.load("straighten_rope", **settings))
+    with pytest.raises(InvalidArgumentError, match=f"^{words} is not valid: expected 2"):
+        softgym_mj.load("drop_cloth", **settings)

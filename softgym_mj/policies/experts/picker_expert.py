@@ -54,7 +54,7 @@ class PickerExpert(Expert):
             raise InvalidArgumentError("actor", self._actor.name, valid)
         if self._actor.num_grippers != 2:
             valid = "2 for the scripted expert"
-            raise InvalidArgumentError("num_pickers", self._actor.num_grippers, valid)
+            raise InvalidArgumentError(self._actor.counted_by, self._actor.num_grippers, valid)
         self._has_arms = self._actor.least_distance > 0.0
         self._stride = MAX_DISPLACEMENT * env.task.action_repeat
         self._reach = self._actor.pick_distance - self.margin

@@ -46,6 +46,7 @@ class Arms(ArmActor, Gripper):
             take.
     """
 
+    counted_by = "arms"
     least_distance = 0.15  # Measured: 0.14 m side by side (Franka), 0.08 m face to face.
     pick_distance = PICK_DISTANCE
     _holding: Grasp

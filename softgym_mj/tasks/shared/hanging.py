@@ -31,7 +31,7 @@ class HangingTask(LaidCloth):
         """
         super().__init__(Cloth(fidelity=start.fidelity), start, **settings)
         if (number := self.actor.num_grippers) != 2:
-            raise InvalidArgumentError("num_pickers or arms", number, "2, one per held corner")
+            raise InvalidArgumentError(self.actor.counted_by, number, "2, one per held corner")
 
     def tool_start(self, points: dict[str, np.ndarray]) -> ToolStart:
         first, second = self.cloth.corners[:2].tolist()
