@@ -35,6 +35,11 @@ _WORDS: dict[Any, str] = {
 }
 
 
+def describe(annotation: type, words: str) -> None:
+    """Sets the words for a type in messages: a noun phrase."""
+    _WORDS[annotation] = words
+
+
 def typed(checked: _Checked) -> _Checked:
     """Decorates a function, or the constructor of a class, with a check of argument types.
 

@@ -21,6 +21,7 @@ from softgym_mj.exceptions import (
     check_count,
 )
 from softgym_mj.tasks.shared.base import Task
+from softgym_mj.validation import describe
 from softgym_mj.variations.indices import check_variation, split_indices
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -302,3 +303,6 @@ def _remade(maker: Callable[..., Environment], random: tuple, snapshot: Snapshot
     if snapshot is not None:
         env.set_state(snapshot)
     return env
+
+
+describe(Environment, "an environment of softgym_mj.load, or env.unwrapped.dm_env of Gymnasium's")

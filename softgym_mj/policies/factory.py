@@ -36,10 +36,13 @@ def make_policy(name: str, env: Environment, seed: int = 0, *, trust: bool = Fal
 
     Raises:
         InvalidArgumentError: for an unknown policy, an invalid file or function, a file without
-            `trust`, or "scripted" or "reactive" for a task without such an expert.
+            `trust`, another environment than one of `load`, or "scripted" or "reactive" for a task
+            without such an expert.
         StoreError: for a file that cannot be read.
     """
     check_type("policy", name, str)
+    if not hasattr(env, "task"):  # A batch passes the part of an environment that policies read.
+        check_type("env", env, Environment)
     if is_saved(name):
         return make_saved(name, env, seed, trust)
     check_name("policy", name, (*SIMPLE, "FILE.pt2", "MODULE:FUNCTION"))

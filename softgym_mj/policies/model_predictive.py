@@ -10,6 +10,7 @@ from softgym_mj.exceptions import check_count
 from softgym_mj.policies.planners import CEM, Plan
 from softgym_mj.policies.rollouts import Asking, Rollouts, answered
 from softgym_mj.storage.journal import Journal
+from softgym_mj.validation import check_type
 
 _SEED_KEY = 0x504C414E  # Separates the planner's random numbers from those of variations.
 
@@ -44,8 +45,10 @@ class ModelPredictivePolicy:
             on_decision: Called with every plan.
 
         Raises:
-            InvalidArgumentError: if `replan_every` exceeds the horizon.
+            InvalidArgumentError: if `replan_every` exceeds the horizon, or for another environment
+                than one of `load`.
         """
+        check_type("env", env, Environment)
         check_count("replan_every", replan_every, 1, planner.horizon)
         self._env, self._planner, self._rollouts = env, planner, rollouts
         self._seed, self._replan_every, self._journal = seed, replan_every, journal

@@ -3,6 +3,7 @@
 import base64
 import re
 
+import gymnasium
 import imageio.v3 as imageio
 import matplotlib
 import matplotlib.pyplot as plt
@@ -12,7 +13,11 @@ import pytest
 import softgym_mj
 from softgym_mj.evaluation import plots
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.policies import experts
 from softgym_mj.policies.episodes import play
+from softgym_mj.policies.factory import make_policy
+from softgym_mj.policies.model_predictive import ModelPredictivePolicy
+from softgym_mj.policies.planners import CEM
 from softgym_mj.rendering.offscreen import CameraView, Video
 
 RED, BLUE = (200, 30, 30), (30, 30, 200)
@@ -112,3 +117,19 @@ def test_pictures_are_shown_in_rows_with_titles(monkeypatch):
     np.testing.assert_array_equal(drawn[2], numbers)
     with pytest.raises(InvalidArgumentError, match="one for each of 2"):
         plots.show([numbers, numbers], ["one"])
+
+
+@pytest.mark.parametrize(
+    "bind",
+    [
+        play,
+        lambda env: make_policy("zero", env),
+        experts.make_policy,
+        lambda env: ModelPredictivePolicy(env, CEM(1), rollouts=None),
+    ],
+)
+def test_an_environment_of_gymnasium_has_the_one_that_policies_need(bind):
+    env = gymnasium.make("softgym_mj/StraightenRope-v0", fidelity="fast")
+    with pytest.raises(InvalidArgumentError, match=r"load, or env\.unwrapped\.dm_env of Gymnasium"):
+        bind(env)
+    env.close()

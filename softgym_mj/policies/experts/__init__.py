@@ -19,6 +19,7 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.policies.experts.expert import OwnExpert, WithExpert
 from softgym_mj.registry import TASKS, TaskRecord
+from softgym_mj.validation import check_type
 
 # Names of tasks with an expert: a file each, with a class of the name of the task's.
 EXPERTS = tuple(
@@ -32,8 +33,10 @@ def make_policy(env: Environment) -> Callable[[dm_env.TimeStep], np.ndarray]:
     """Returns the expert of an environment's task.
 
     Raises:
-        InvalidArgumentError: if the task has no expert.
+        InvalidArgumentError: if the task has no expert, or for another environment than one of
+            `load`.
     """
+    check_type("env", env, Environment)
     if isinstance(env.task, WithExpert):
         return OwnExpert(env)
     if env.name not in EXPERTS:
