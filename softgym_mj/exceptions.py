@@ -73,6 +73,23 @@ class LifecycleError(SoftGymError, RuntimeError):
     """Call at the wrong time: before `reset`, after `close()`, or without anything to control."""
 
 
+class Compiled:
+    """Attribute of an entity that `after_compile` sets; reading it earlier is an error."""
+
+    def __get__(self, entity: object, owner: type) -> Any:
+        if entity is None:
+            return self
+        raise LifecycleError(
+            f"this {owner.__name__} is not compiled: call compile() of its Arena, or make an "
+            "environment"
+        )
+
+
+def set_by_compile() -> Any:
+    """Returns a `Compiled`, of any type to a type checker."""
+    return Compiled()
+
+
 class UnavailableError(SoftGymError, ImportError):
     """Requirement that this machine lacks: a package, a library, a model, OpenGL, a free port."""
 

@@ -11,7 +11,7 @@ from dm_control import mjcf
 from softgym_mj.cloth import solver
 from softgym_mj.entities.entity import Entity
 from softgym_mj.entities.mesh_distances import MeshDistances
-from softgym_mj.exceptions import InvalidArgumentError, check_number
+from softgym_mj.exceptions import InvalidArgumentError, check_number, set_by_compile
 from softgym_mj.metrics import Array, lengths, namespace, taken
 from softgym_mj.validation import as_finite
 from softgym_mj.variations.parametric import Parametric
@@ -101,6 +101,16 @@ class Flex(Entity, Parametric):
     # [m] Largest distance of a held vertex from its target, including the 17 mm that a picker moves
     # in a step: a vertex further behind, under a pile of cloth, does not come free.
     max_tracking_error = 0.1
+
+    vertex_ids: np.ndarray = set_by_compile()
+    origin: np.ndarray = set_by_compile()
+    slides: np.ndarray = set_by_compile()
+    slide_velocities: np.ndarray = set_by_compile()
+    edges: np.ndarray = set_by_compile()
+    rest_lengths: np.ndarray = set_by_compile()
+    mesh_distances: MeshDistances = set_by_compile()
+    _model: mujoco.MjModel = set_by_compile()
+    _dofs: np.ndarray = set_by_compile()
 
     def _start_model(self, name: str) -> None:
         """Starts the model; to be called first in a subclass's `_build`."""

@@ -6,7 +6,12 @@ import mujoco
 import numpy as np
 from dm_control import composer, mjcf
 
-from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
+from softgym_mj.exceptions import (
+    InvalidArgumentError,
+    check_count,
+    check_number,
+    set_by_compile,
+)
 from softgym_mj.native.library import FLUID, load_plugin
 from softgym_mj.rendering.look import FAST, WATER, Look
 from softgym_mj.rendering.skins import DRAWN_SKINS, loose_triangles
@@ -81,6 +86,10 @@ class Water(composer.Entity, Parametric):
     """
 
     timestep = TIMESTEP
+    state: dict[str, np.ndarray] = set_by_compile()
+    _positions: np.ndarray = set_by_compile()
+    _velocities: np.ndarray = set_by_compile()
+    _motion: np.ndarray = set_by_compile()
 
     @typed
     def _build(
