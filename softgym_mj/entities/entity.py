@@ -5,6 +5,7 @@ from typing import Any
 
 from dm_control import composer, mjcf
 
+from softgym_mj.exceptions import UnexpectedArgumentError, choices
 from softgym_mj.rendering.look import Look
 
 UNSEEN_GEOMS = 3  # Group of collision geoms that cameras and viewers hide.
@@ -16,7 +17,10 @@ class Entity(composer.Entity):
     _mjcf_root: mjcf.RootElement
 
     def __init_subclass__(cls, **kwargs: Any):
-        """Copies the signature of `_build` to `__init__` for `help`: composer's takes anything."""
+        """Copies the signature of `_build` to `__init__`, for `help` and errors.
+
+        Composer's takes anything.
+        """
         super().__init_subclass__(**kwargs)
         build = vars(cls).get("_build")
         if build is None or "__init__" in vars(cls):
@@ -25,7 +29,16 @@ class Entity(composer.Entity):
         if any(one.kind is one.VAR_POSITIONAL for one in signature.parameters.values()):
             return  # The inherited signature applies.
 
+        names = [*signature.parameters][1:]
+        is_open = any(one.kind is one.VAR_KEYWORD for one in signature.parameters.values())
+
         def __init__(self: Any, *args: Any, **kwargs: Any) -> None:
+            if type(self)._build is build and not is_open and (unknown := kwargs.keys() - names):
+                wrong = min(unknown)
+                raise UnexpectedArgumentError(
+                    f"{cls.__name__} got an unexpected keyword argument {wrong!r}"
+                    + choices(wrong, names)
+                )
             super(cls, self).__init__(*args, **kwargs)
 
         __init__.__doc__ = build.__doc__
