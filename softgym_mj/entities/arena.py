@@ -15,6 +15,7 @@ from softgym_mj.entities.views import EXTERNAL_AZIMUTHS, VIEWS, CameraPose, View
 from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.rendering.look import FAST, TEXT, Look
 from softgym_mj.rendering.observables import EXTERNAL
+from softgym_mj.validation import check_type
 from softgym_mj.variations.parametric import Parametric
 from softgym_mj.variations.randomization import Adjustable, shifted_parameter
 
@@ -105,6 +106,12 @@ class Arena(composer.Arena, Parametric):
         pose = Rotation.from_quat(self._pose.quaternion, scalar_first=True)
         camera.quat = (pose * turn).as_quat(scalar_first=True)
         camera.fovy = self._pose.field_of_view + values[_ZOOM.name]
+
+    def attach(
+        self, entity: composer.Entity, attach_site: mjcf.Element | None = None
+    ) -> mjcf.Element:
+        check_type("entity", entity, composer.Entity)
+        return super().attach(entity, attach_site)
 
     def add_solid(self, type: str, **attributes: object) -> mjcf.Element:
         """Adds a static rigid shape: a rod, a shelf, a table, a wall.
