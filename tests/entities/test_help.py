@@ -1,15 +1,22 @@
-"""`help` of entities names their arguments, with units and defaults."""
+"""`help` of entities names their arguments, with units and defaults, and so do errors."""
 
 import inspect
 import pydoc
 
 import pytest
 
+from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.entities.cup import Cup
 from softgym_mj.entities.garment import Garment
 from softgym_mj.entities.rope import Rope
 from softgym_mj.entities.shirt import Shirt
+from softgym_mj.exceptions import (
+    InvalidArgumentError,
+    LifecycleError,
+    UnexpectedArgumentError,
+)
+from softgym_mj.fluid.water import Liquid, Resolution, Water
 from softgym_mj.robots.pick_and_place import PickAndPlace
 from softgym_mj.robots.picker import Picker
 
@@ -66,3 +73,44 @@ def test_a_class_with_a_constructor_keeps_it():
 
     assert [*inspect.signature(Towel).parameters] == ["owner"]
     assert Towel("me").owner == "me" and Towel("me").dims == (49, 49)
+
+
+@pytest.mark.parametrize("entity", [Cloth, Cup, Garment, Rope, Shirt, Picker])
+def test_an_unexpected_argument_lists_every_argument(entity):
+    listed = ", ".join(map(repr, inspect.signature(entity).parameters))
+    message = rf"^{entity.__name__} got an unexpected .* 'smell'; valid choices: {listed}\.$"
+    with pytest.raises(UnexpectedArgumentError, match=message):
+        entity(smell=1)
+
+
+def test_a_class_passes_on_arguments_of_its_own():
+    class Towel(Cloth):
+        """One with an argument of its own."""
+
+        def _build(self, width: float, **settings: float):
+            super()._build(size=(width, width), **settings)
+
+    assert Towel(width=0.3, name="towel").mjcf_model.model == "towel"
+    with pytest.raises(TypeError, match="smell"):
+        Towel(width=0.3, smell=1)
+
+
+@pytest.mark.parametrize(
+    "read",
+    [
+        lambda: Cloth().points(),
+        lambda: Rope().set_points(Rope().straight()),
+        lambda: Rope().edges,
+        lambda: Rope().hold(0),
+        lambda: Rope().twist_angle,
+        lambda: Water(Liquid(2e-4), Resolution(8, 0.018, (2, 2))).points(),
+    ],
+)
+def test_what_is_not_compiled_has_no_state(read):
+    with pytest.raises(LifecycleError, match="is not compiled: call compile"):
+        read()
+
+
+def test_an_arena_attaches_entities():
+    with pytest.raises(InvalidArgumentError, match="entity=5 is not valid"):
+        Arena().attach(5)
