@@ -222,7 +222,8 @@ class Arms(ArmActor, Gripper):
     @property
     def _poses(self) -> PoseAction:
         if not isinstance(self._filtered_command, PoseAction):
-            raise InvalidArgumentError("action", self._filtered_command.name, (PoseAction.name,))
+            valid = f"{PoseAction.name!r}, whose actions rotate tools"
+            raise InvalidArgumentError("action", self._filtered_command.name, valid)
         return self._filtered_command
 
     def remembered(self) -> np.ndarray:
