@@ -31,7 +31,7 @@ _WORDS: dict[Any, str] = {
     float: "a finite number",
     str: "a string",
     types.NoneType: "None",
-    tuple[int, int]: "two whole numbers, such as (96, 128)",
+    tuple[int, int]: "two whole numbers",
 }
 
 

@@ -33,7 +33,7 @@ def test_an_unknown_name_lists_the_choices_and_the_most_similar(value, hint):
     ("value", "annotation", "words"),
     [
         (2.5, int | None, "a whole number or None"),
-        (128, tuple[int, int], "two whole numbers, such as (96, 128)"),
+        (128, tuple[int, int], "two whole numbers"),
         (3, str | Sequence[str], "a string or Sequence[str]"),
         ("yes", bool, "True or False"),
     ],
