@@ -201,6 +201,11 @@ def test_actions_are_clipped_as_softgym_does(name):
         for one in (env, raw):
             with pytest.raises(InvalidArgumentError, match="numbers"):
                 one.step(action)
+    for one in (env, raw):
+        with pytest.raises(
+            InvalidArgumentError, match=rf"action.shape=\({size + 1},\) .*\({size},\)"
+        ):
+            one.step(np.zeros(size + 1))
     raw.set_state(start)
     expected = raw.step(raw.action_space.high)
     raw.set_state(start)

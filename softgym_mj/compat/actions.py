@@ -29,6 +29,8 @@ def checked(action: object, space: gymnasium.spaces.Box) -> np.ndarray:
         InvalidArgumentError: for a wrong shape, NaN or other numbers than those of the space.
     """
     array = as_array("action", action)
+    if array.dtype.kind in "fiub" and array.shape != space.shape:
+        raise InvalidArgumentError("action.shape", array.shape, f"{space.shape}, finite numbers")
     with contextlib.suppress(TypeError, ValueError):
         array = array.astype(float)
         if space.contains(array.astype(np.float32)):
