@@ -267,7 +267,12 @@ def list_in_suite() -> None:
 
 
 def task_names(suite: str) -> tuple[str, ...]:
-    """Returns the names of the tasks of a suite, one of `SUITES`."""
+    """Returns the names of the tasks of a suite, one of `SUITES`.
+
+    Raises:
+        InvalidArgumentError: if there is no such suite.
+    """
+    check_name("suite", suite, SUITES)
     return tuple(name for name, record in TASKS.items() if record.suite == suite)
 
 

@@ -48,6 +48,12 @@ def test_all_lists(register):
     assert suite.TASKS_BY_DOMAIN["softgym"] == (*OURS, "another_rope")
 
 
+@pytest.mark.parametrize("name", ["nosuch", 3, None])
+def test_another_suite_is_refused(name):
+    with pytest.raises(InvalidArgumentError, match=r"suite=.*'softgym', 'softgym_plus'"):
+        softgym_mj.registry.task_names(name)
+
+
 MATERIALS = {"fold_cloth": {"fidelity": "fast"}, "straighten_rope": {}, "transport_water": {}}
 
 
