@@ -15,11 +15,16 @@ LARGEST = 1.0  # Half the range of an action; larger noise is mostly clipped.
 _KEY = 0x44415254  # Separates the random numbers from those of the random policy.
 
 
-def check_noise(noise: float, seed: int = 0) -> None:
-    """Raises `InvalidArgumentError` for an invalid standard deviation or seed of noise."""
+def check_noise(noise: float, seed: int = 0, policy: str = "scripted") -> None:
+    """Raises `InvalidArgumentError` for an invalid standard deviation or seed of noise.
+
+    Actions of the policy "random" have no noise, because they are no labels.
+    """
     check_count("seed", seed, 0)
     if not 0.0 <= noise <= LARGEST:
         raise InvalidArgumentError("noise", noise, f"a number in 0..{LARGEST:g}")
+    if noise and policy == "random":
+        raise InvalidArgumentError("noise", noise, f"0 with policy={policy!r}")
 
 
 def disturbance(

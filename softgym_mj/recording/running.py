@@ -68,7 +68,7 @@ def record(
 
     Args:
         task: Task name, or "module:name" as in `registry.find`.
-        variations: Indices, in the order of the episodes.
+        variations: Different indices, in the order of the episodes.
         policy: Policy name, file or function, as in `policies.factory.make_policy`.
         dataset: Id of the dataset; None for `dataset_name` of task, policy, actor, grasp, action
             and noise.
@@ -80,7 +80,7 @@ def record(
         idle: "keep", or "drop" to truncate an episode when the expert has `finished` and cloth or
             rope is at rest.
         noise: Standard deviation of the noise on actions, 0..1, as in `noise.disturbance`; an
-            expert that has `finished` acts without noise.
+            expert that has `finished` acts without noise. 0 with the policy "random".
         jobs: Number of processes; the dataset does not depend on it.
         author, author_email, code_permalink: Metadata of a Minari dataset; None omits them.
         on_episode: Called with the numbers of the last info of each finished episode.
@@ -94,8 +94,8 @@ def record(
         StoreError: if a dataset of this id has other settings or cannot be written, or if an
             unfinished recording has other settings or damaged files.
         InvalidArgumentError: for an invalid argument or combination: no variation, an author that
-            the format cannot store, `idle="drop"` with a policy that is no expert, settings that
-            JSON cannot hold, no expert of the task; if no episode is left.
+            the format cannot store, `idle="drop"` with a policy that is no expert, noise on random
+            actions, settings that JSON cannot hold, no expert of the task; if no episode is left.
     """
     check_settings(settings)
     result = check_arguments(task, settings, record)
@@ -103,9 +103,9 @@ def record(
     check_name("idle", idle, IDLE)
     if idle == "drop" and policy != "scripted":
         raise InvalidArgumentError("idle", idle, f"'keep' with policy={policy!r}")
-    check_noise(noise, seed)
-    if not variations:
-        raise InvalidArgumentError("variations", variations, "at least one")
+    check_noise(noise, seed, policy)
+    if not variations or len({*variations}) < len(variations):
+        raise InvalidArgumentError("variations", variations, "at least one, each of them once")
     kind = make_format(format, codec)
     signed = author, author_email, code_permalink
     kind.check_signed(*signed)

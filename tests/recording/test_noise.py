@@ -122,3 +122,8 @@ def test_bad_noise_is_refused(noise, tmp_path):
     with pytest.raises(InvalidArgumentError, match="noise="):
         record(variations=(0,), noise=noise, on_episode=pytest.fail, **ROPE)
     assert not list(tmp_path.iterdir())
+
+
+def test_random_actions_have_no_noise():
+    with pytest.raises(InvalidArgumentError, match=r"noise=0\.1 .*0 with policy='random'"):
+        record(policy="random", variations=(0,), noise=0.1, on_episode=pytest.fail, **ROPE)

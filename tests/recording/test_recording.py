@@ -88,6 +88,8 @@ def test_bad_input_is_refused():
         (("fly", (800,)), "task='fly'"),
         (("straighten_rope", (800,), "best"), "policy='best'"),
         (("straighten_rope", (1000,)), "variation=1000"),
+        (("straighten_rope", ()), r"variations=\[\] .*at least one"),
+        (("straighten_rope", (1, 2, 1)), r"variations=\[1, 2, 1\] .*each of them once"),
     ):
         with pytest.raises(InvalidArgumentError, match=message):
             record(*bad)
