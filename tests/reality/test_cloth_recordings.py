@@ -63,8 +63,8 @@ def test_bad_rows_are_named(tmp_path, file, old, new, message):
 
 
 def test_missing_files_and_folders_are_named(tmp_path):
-    for folder in (None, tmp_path):
-        with pytest.raises(InvalidArgumentError, match=f"{SOURCE}.*no license file"):
+    for folder, words in ((None, "`folder` is missing"), (tmp_path, "folder='.*' is not valid")):
+        with pytest.raises(InvalidArgumentError, match=f"{words}.*{SOURCE}.*no license file"):
             read_recordings(folder)
     cloths.write(tmp_path, cloths.rigid("range30_rep1", 0.1))
     (tmp_path / "n4_calibration_campose.csv").unlink()

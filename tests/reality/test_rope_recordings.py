@@ -77,8 +77,8 @@ def test_damaged_and_other_files_are_refused_by_name(tmp_path):
 
 
 def test_a_wrong_folder_says_where_the_recordings_are(tmp_path):
-    for folder in (None, tmp_path):
-        with pytest.raises(InvalidArgumentError, match=f"{SOURCE}.*no license file"):
+    for folder, words in ((None, "`folder` is missing"), (tmp_path, "folder='.*' is not valid")):
+        with pytest.raises(InvalidArgumentError, match=f"{words}.*{SOURCE}.*no license file"):
             read_recordings(folder, "DLO1", "eval")
     with pytest.raises(InvalidArgumentError, match="cable='DLO6' is unknown"):
         read_recordings(tmp_path, "DLO6", "eval")

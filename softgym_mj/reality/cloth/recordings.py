@@ -17,7 +17,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from softgym_mj.exceptions import InvalidArgumentError, StoreError
+from softgym_mj.exceptions import StoreError
+from softgym_mj.reality.folders import no_recordings
 from softgym_mj.storage.files import read_whole
 
 SOURCE = "github.com/Alados5/tfm_matlab, commit ea4056c"
@@ -78,7 +79,7 @@ def read_recordings(folder: pathlib.Path | None) -> list[Recording]:
     names = [file.name.removesuffix("_mesh.csv") for file in files]
     names = [name for name in names if "calibration" not in name]
     if folder is None or not names:
-        raise InvalidArgumentError("folder", None if folder is None else str(folder), GUIDE)
+        raise no_recordings(folder, GUIDE)
     return [read_recording(folder, name) for name in names]
 
 

@@ -13,7 +13,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_name
+from softgym_mj.exceptions import StoreError, check_name
+from softgym_mj.reality.folders import no_recordings
 from softgym_mj.storage.files import read_whole
 
 SOURCE = "github.com/roahmlab/DEFORM, commit b73b8b8"
@@ -91,7 +92,7 @@ def read_recordings(folder: pathlib.Path | None, cable: str, split: str) -> list
     check_name("split", split, SPLITS)
     files = [] if folder is None else sorted((folder / cable / split).glob("*.pkl"), key=_order)
     if not files:
-        raise InvalidArgumentError("folder", None if folder is None else str(folder), GUIDE)
+        raise no_recordings(folder, GUIDE)
     recordings = [read_recording(cable, file) for file in files]
     _check_alike(files, recordings)
     return recordings

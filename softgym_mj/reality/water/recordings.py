@@ -11,7 +11,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from softgym_mj.exceptions import InvalidArgumentError, StoreError
+from softgym_mj.exceptions import StoreError
+from softgym_mj.reality.folders import no_recordings
 from softgym_mj.storage.files import read_whole
 
 DAM_BREAKS, SLOSHING = "db_exp_data.py", "st_exp_data.py"
@@ -82,8 +83,7 @@ def read_spheric(folder: pathlib.Path | None) -> Series:
 def _found(folder: pathlib.Path | None, file: str) -> pathlib.Path:
     path = None if folder is None else folder / file
     if path is None or not path.exists():
-        valid = GUIDE.format(file=file, source=SOURCES[file])
-        raise InvalidArgumentError("folder", None if folder is None else str(folder), valid)
+        raise no_recordings(folder, GUIDE.format(file=file, source=SOURCES[file]))
     return path
 
 
