@@ -123,11 +123,12 @@ def train(
 
     check_name("device", device, DEVICES)
     check_name("learner_device", learner_device, (None, "cpu", "cuda"))
+    is_alone = jobs == 1 and ray is None
+    check_name("log", log, logs.LOGS if is_alone else ("none",))  # A log is of one process.
     check_count("seeds", seeds, 1, 100)
     check_count("first_seed", first_seed, 0, 1000)
-    limit = TimeLimit()
-    if minutes is not None:
-        limit = TimeLimit(start + 60.0 * _checked_minutes(minutes, jobs == 1 and ray is None))
+    ends = None if minutes is None else start + 60.0 * _checked_minutes(minutes, is_alone)
+    limit = TimeLimit() if ends is None else TimeLimit(ends)
     chosen_seeds = range(first_seed, first_seed + seeds)
     names = (observation or "").split(",")
     chosen = combined(
@@ -150,7 +151,7 @@ def train(
         _check_gpu(method, task, preset)
     make_folder(out)  # Before the environments, which take long.
     try:
-        if jobs == 1 and ray is None:
+        if is_alone:
             reports.line(
                 f"{method} {training.task}: creating {training.num_envs * seeds} environments"
             )
@@ -160,7 +161,6 @@ def train(
                 run.run(tell, reports.start, logs.POINTS)
             rows = run.rows
         else:
-            check_name("log", log, ("none",))  # Only seeds in one process share a log.
             with make_executor(jobs, ray) as executor:
                 rows = train_each(
                     training, result, chosen_seeds, out, device, learner_device, executor,

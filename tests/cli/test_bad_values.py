@@ -34,6 +34,8 @@ REFUSED = {
     "teacher": ["train", "distill", ROPE, "--teacher", "none.pt2", "--trust"],
     "trust": ["train", "distill", ROPE, "--teacher", str(RESULTS / "policies/fold_cloth-sac.pt2")],
     "no teacher": ["train", "distill", ROPE, "--device", "host"],
+    "log": ["train", "sac", ROPE, "--device", "host", "--log", "csv"],
+    "log of processes": ["train", "sac", ROPE, "--device", "host", "--jobs", "2", "--log", "wandb"],
     "observations": ["train", "sac", ROPE, "--device", "host", "--observation", "reduced,held"],
     "published outside of a clone": ["evaluate", ROPE, "--policy", "straighten_rope-sac"],
     "more episodes than variations": ["record", ROPE, "--episodes", "900"],
@@ -41,6 +43,7 @@ REFUSED = {
     "markup of a task": ["rollout", "[/b]"],
     "markup of a number": ["rollout", ROPE, "--episodes", "[/b]"],
     "markup of a folder": ["identify", "cloth", "nowhere[/b]"],
+    "no folder": ["identify", "rope"],
 }
 WORDS = {
     "range": ["variations='0-99999999999'", "0..999"], "index": ["variations='3,1000'", "0..999"],
@@ -53,12 +56,14 @@ WORDS = {
     "file as the folder of a picture": ["file cannot be written"],
     "file as the folder of a training": ["file cannot be written"],
     "teacher": ["teacher='none.pt2'"], "trust": ["--trust"], "no teacher": ["--teacher"],
+    "log": ["log='csv'", "'tensorboard'"], "log of processes": ["log='wandb'", "'none'"],
     "observations": ["observation=", "sac takes one"],
     "architecture": ["architecture='3'", "'90'"], "markup of a task": ["[/b]"],
     "published outside of a clone": ["policy='straighten_rope-sac'", "Results"],
     "more episodes than variations": ["episodes=900", "1..800"],
     "policy of a viewer": ["policy='teleop'", "'teleoperate'"],
     "markup of a number": ["--episodes"], "markup of a folder": ["[/b]"],
+    "no folder": ["`folder` is missing"],
 }  # fmt: skip
 
 ROOT = RESULTS.parents[1]
