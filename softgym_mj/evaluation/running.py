@@ -72,7 +72,8 @@ def evaluate(
         configuration: Configuration of the evaluation.
         folder: New folder, or that of an evaluation that differs only in variations and seeds (and
             in the device, unless the policy observes images). It identifies tasks by name: a
-            custom task that has changed needs another folder.
+            custom task that has changed needs another folder. It identifies policies' files by
+            content.
         executor: Executor of the simulations; None for this process.
         progress: Callbacks for episodes, decisions and env steps.
         trust: Whether the file of a policy may be loaded, as in `make_policy`.

@@ -78,15 +78,23 @@ class Store:
         """Returns whether the folder holds nothing but a specification."""
         return all(file == self._claim for file in self.folder.glob("[!.]*"))
 
+    def claimed_for(self) -> dict[str, Any]:
+        """Returns the specification of the folder's values; it is empty without values.
+
+        Raises:
+            StoreError: if it is damaged.
+        """
+        return {} if self.is_empty() or not self._claim.exists() else read_json(self._claim)
+
     def differences(self) -> list[str]:
         """Returns the entries of the specification that differ from those of the folder.
 
         Raises:
             StoreError: if the folder's specification is damaged.
         """
-        if self.is_empty() or not self._claim.exists():
+        result, own = self.claimed_for(), self._specification
+        if not result:
             return []
-        result, own = read_json(self._claim), self._specification
         return [name for name in {**own, **result} if result.get(name) != own.get(name)]
 
     def claim(self) -> None:

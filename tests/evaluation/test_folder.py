@@ -95,3 +95,37 @@ def test_a_file_for_each_seed(tmp_path):
     assert evaluate(one, folder)["seeds"] == [0]
     with pytest.raises(StoreError, match=r"different content of .*run_1\.pt2:"):
         evaluate(dataclasses.replace(one, seeds=(0, 1)), folder)
+
+
+@pytest.mark.parametrize("name", ["run_{seed}.pt2", "run_0.pt2"])
+def test_a_file_that_was_moved_is_the_same_policy(name, tmp_path):
+    here, there, folder = tmp_path / "here", tmp_path / "there", tmp_path / "run"
+    here.mkdir()
+    for seed in range(2):
+        exported(here / f"run_{seed}.pt2", seed=seed)
+    seeds = (0, 1) if "{seed}" in name else (0,)
+    one = Configuration("straighten_rope", str(here / name), (800,), seeds, SHORT)
+    first = evaluate(one, folder, trust=True)
+    here.rename(there)
+    moved = dataclasses.replace(one, policy=str(there / name))
+    never = Progress(on_step=pytest.fail)
+    again = evaluate(moved, folder, None, never)  # Plays nothing: it is not trusted.
+    assert again["episodes"] == first["episodes"] and again["policy"] == str(there / name)
+    more = evaluate(dataclasses.replace(moved, variations=(800, 801)), folder, trust=True)
+    new = evaluate(dataclasses.replace(moved, variations=(800, 801)), tmp_path / "b", trust=True)
+    assert more["episodes"] == new["episodes"]
+    exported(there / "run_0.pt2", seed=7)
+    with pytest.raises(StoreError, match=r"different policy \('.*here.*', not '.*there.*'\)"):
+        evaluate(moved, folder, None, never)
+
+
+def test_a_moved_file_of_another_seed_is_another_policy(tmp_path):
+    for seed in range(2):
+        exported(tmp_path / f"one_{seed}.pt2", seed=seed)
+        exported(tmp_path / f"two_{seed}.pt2", seed=seed)
+    one = Configuration("straighten_rope", str(tmp_path / "one_{seed}.pt2"), (800,), (0,), SHORT)
+    evaluate(one, tmp_path / "run", trust=True)
+    for name, seeds in (("two_{seed}.pt2", (1,)), ("two_1.pt2", (0,))):
+        other = dataclasses.replace(one, policy=str(tmp_path / name), seeds=seeds)
+        with pytest.raises(StoreError, match="different policy"):
+            evaluate(other, tmp_path / "run")
