@@ -147,35 +147,12 @@ def covered_area(vertices: Array, triangles: Array, lines: int = AREA_LINES) -> 
 
 
 def _covered_area(vertices: np.ndarray, triangles: np.ndarray, lines: int) -> float:
-    x, y = vertices[triangles, 0], vertices[triangles, 1]
-    order = np.argsort(y, axis=1, kind="stable")
-    x, y = np.take_along_axis(x, order, axis=1), np.take_along_axis(y, order, axis=1)
-    bottom, top = y[:, 0].min(), y[:, 2].max()
+    y = vertices[:, 1].take(triangles)
+    bottom, top = y.min(), y.max()
     pitch = (top - bottom) / lines
     if pitch <= 0.0:
         return 0.0
-    # Line k lies at bottom + (k + 1/2) pitch; first and last line that cross each triangle.
-    first = np.ceil((y[:, 0] - bottom) / pitch - 0.5).astype(int)
-    last = np.ceil((y[:, 2] - bottom) / pitch - 0.5).astype(int)
-    counts = np.maximum(last - first, 0)
-    triangle = np.repeat(np.arange(len(counts)), counts)
-    line = np.arange(len(triangle)) - (np.cumsum(counts) - counts)[triangle] + first[triangle]
-    level = bottom + (line + 0.5) * pitch
-    # Each line crosses the long edge (0-2) and one of the short ones (0-1 below, 1-2 above).
-    x, y = x[triangle], y[triangle]
-    lower = level < y[:, 1]
-    a, b = np.where(lower, 0, 1), np.where(lower, 1, 2)
-    rows = np.arange(len(triangle))
-    long_edge = _crossing(level, x[:, 0], y[:, 0], x[:, 2], y[:, 2])
-    short_edge = _crossing(level, x[rows, a], y[rows, a], x[rows, b], y[rows, b])
-    left, right = np.minimum(long_edge, short_edge), np.maximum(long_edge, short_edge)
-    # The union of intervals on all lines in one sweep: lines are laid out far apart.
-    shift = line * (2.0 * (right.max() - left.min()) + 1.0)
-    left, right = left + shift, right + shift
-    order = np.argsort(left, kind="stable")
-    left, right = left[order], right[order]
-    reach = np.concatenate([[-np.inf], np.maximum.accumulate(right)[:-1]])
-    return float(np.sum(np.maximum(right - np.maximum(left, reach), 0.0)) * pitch)
+    return float(np.sum(measures.covered_parts(vertices, triangles, lines, bottom, pitch)) * pitch)
 
 
 def _covered_areas(vertices: Array, triangles: Array, lines: int) -> Array:
@@ -183,14 +160,6 @@ def _covered_areas(vertices: Array, triangles: Array, lines: int) -> Array:
     points = vertices.double().reshape((-1, *vertices.shape[-2:]))
     corners = triangles.long().reshape((-1, *triangles.shape[-2:]))
     return measures.covered_areas(points, corners, lines).reshape(vertices.shape[:-2])
-
-
-def _crossing(level, x0, y0, x1, y1):
-    """Returns X where segments (x0, y0)-(x1, y1) meet Y = level; x0 for a level segment."""
-    xp = namespace(level)
-    height = y1 - y0
-    safe = xp.where(height > 0.0, height, 1.0)
-    return x0 + (x1 - x0) * xp.clip((level - y0) / safe, 0.0, 1.0)
 
 
 def particles(shape: Mapping[str, Array], points: Array) -> Array:

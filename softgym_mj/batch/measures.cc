@@ -11,6 +11,13 @@ SGM_EXPORT void softgym_mj_covered_areas(long long number, long long vertices, l
   }
 }
 
+SGM_EXPORT long long softgym_mj_covered_parts(long long coordinates, long long triangles, long long lines,
+                                              double bottom, double pitch, const double* points,
+                                              const long long* corners, double* parts) {
+  return softgym_mj::CoveredParts({coordinates, triangles, points, corners}, {bottom, pitch}, static_cast<int>(lines),
+                                  parts);
+}
+
 SGM_EXPORT void softgym_mj_matched_distances(long long number, long long count, const double* distances,
                                              double* means) {
   for (long long i = 0; i < number; ++i) softgym_mj::MatchOf(i, count, distances, means);

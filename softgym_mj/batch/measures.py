@@ -1,7 +1,9 @@
-"""Batched measures of PyTorch tensors, computed by the C++ library or a CUDA kernel."""
+"""Measures that the C++ library or a CUDA kernel computes, most for batches of tensors."""
 
 import ctypes
 from typing import Any
+
+import numpy as np
 
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.native.library import open_library
@@ -28,6 +30,30 @@ def covered_areas(points: Any, triangles: Any, lines: int) -> Any:
     arrays = [points, triangles, lengths, areas]
     _run("covered_areas", "CoveredAreas", number, threads, numbers, arrays)
     return areas
+
+
+def covered_parts(
+    points: np.ndarray, triangles: np.ndarray, lines: int, bottom: float, pitch: float
+) -> np.ndarray:
+    """Returns the lengths (n,) [m] that intersections of lines and triangles add to a cover.
+
+    They are sorted by line and from left to right.
+
+    Args:
+        points: Vertices (vertices, 2 or 3) [m].
+        triangles: Vertex indices (triangles, 3).
+        lines: Number of scan lines: line i lies at Y = bottom + (i + 1/2) pitch.
+        bottom: Least Y [m].
+        pitch: Distance between lines [m].
+    """
+    points, triangles = np.ascontiguousarray(points, float), np.ascontiguousarray(triangles, int)
+    parts = np.empty(lines * len(triangles))
+    long, real, pointer = ctypes.c_longlong, ctypes.c_double, ctypes.c_void_p
+    function = open_library().softgym_mj_covered_parts
+    function.restype = long
+    sizes = long(points.shape[1]), long(len(triangles)), long(lines)
+    arrays = (pointer(array.ctypes.data) for array in (points, triangles, parts))
+    return parts[: function(*sizes, real(bottom), real(pitch), *arrays)]
 
 
 def matched_distances(distances: Any) -> Any:
