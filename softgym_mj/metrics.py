@@ -121,9 +121,9 @@ def columns(*values: Array) -> Array:
 
 def taken(points: Array, indices: Array) -> Array:
     """Returns points (..., k, 3) out of points (..., n, 3) by their indices (..., k)."""
-    if indices.ndim == 1:  # Ten times as fast for one simulation.
-        return points[indices]
     xp = namespace(points)
+    if indices.ndim == 1:  # Ten times as fast for one simulation.
+        return points.take(indices, axis=-2) if xp is np else points[indices]
     return xp.take_along_axis(points, indices[..., None], axis=-2)
 
 
@@ -171,8 +171,10 @@ def particles(shape: Mapping[str, Array], points: Array) -> Array:
     """
     xp = namespace(points)
     sheet = taken(points, flat(shape["grid"])).reshape((*shape["grid"].shape, 3))
-    if isinstance(points, np.ndarray) and points.ndim == 2:  # Six times as fast as sums.
-        return interpolate(shape["by_row"], interpolate(shape["by_column"], sheet, 1), 0)
+    if xp is np and points.ndim == 2:  # Faster than sums, and most with x, y and z apart.
+        planes = np.ascontiguousarray(np.moveaxis(sheet, -1, 0))
+        planes = interpolate(shape["by_row"], interpolate(shape["by_column"], planes, 2), 1)
+        return np.moveaxis(planes, 0, -1)
     across = xp.einsum("...ic,...rck->...rik", shape["by_column"], sheet)
     return xp.einsum("...jr,...rik->...jik", shape["by_row"], across)
 
@@ -218,9 +220,11 @@ def fold(shape: Mapping[str, Array], points: Array, goal: Array) -> Measures:
 
 def _columns(sheet: Array, indices: Array) -> Array:
     """Returns columns (..., rows, k, 3) of a sheet (..., rows, columns, 3) by indices (..., k)."""
-    if indices.ndim == 1:
-        return sheet[:, indices]
     xp = namespace(sheet)
+    if indices.ndim == 1:
+        if xp is np:  # As in `particles`.
+            return np.moveaxis(np.moveaxis(sheet, -1, 0).take(indices, axis=2), 0, -1)
+        return sheet[:, indices]
     return xp.take_along_axis(sheet, indices[..., None, :, None], axis=-2)
 
 
@@ -234,7 +238,7 @@ def inside(points: Array, pose: Array, size: Array) -> Array:
         pose: (..., 7) of the cup, or longer: x, y, z [m], quaternion (w, x, y, z).
         size: (..., 4) its inner length, width, height and wall [m].
     """
-    away = points - pose[..., None, :3]
+    away = [points[..., i] - pose[..., None, i] for i in range(3)]
     single = isinstance(pose, np.ndarray) and pose.ndim == 1  # Numbers are faster than arrays.
     (_, _, _, w, x, y, z, *_), (length, width, height, wall) = (
         each.tolist() if single else [each[..., i, None] for i in range(each.shape[-1])]
@@ -245,7 +249,9 @@ def inside(points: Array, pose: Array, size: Array) -> Array:
         (2 * (x * y - w * z), w * w - x * x + y * y - z * z, 2 * (y * z + w * x)),
         (2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z),
     )
-    along, across, above = (sum(away[..., i] * axis[i] for i in range(3)) for axis in axes)
+    along, across, above = (
+        away[0] * axis[0] + away[1] * axis[1] + away[2] * axis[2] for axis in axes
+    )
     return (
         (abs(along) <= length / 2 + wall)
         & (abs(across) <= width / 2 + wall)
@@ -257,6 +263,8 @@ def inside(points: Array, pose: Array, size: Array) -> Array:
 def fraction(marks: Array, present: Array) -> Array:
     """Returns the share (...) of marked points among those present; both are (..., n) bool."""
     xp = namespace(marks)
+    if xp is np:  # Whole numbers are counted faster than added.
+        return np.count_nonzero(marks & present, axis=-1) / np.count_nonzero(present, axis=-1)
     return mean(xp.astype(marks, xp.float64), xp.astype(present, xp.float64))
 
 

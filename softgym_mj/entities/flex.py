@@ -190,7 +190,7 @@ class Flex(Entity, Parametric):
         self._model, self._data = model, data
         solver.forget_damping(model)
         edges = slice(model.flex_edgeadr[flex], model.flex_edgeadr[flex] + model.flex_edgenum[flex])
-        self.edges = np.array(model.flex_edge[edges])
+        self.edges = np.array(model.flex_edge[edges], int, order="F")  # For `edge_strain`.
         self.rest_lengths = np.array(model.flexedge_length0[edges])
         self._held = {}
         self.mesh_distances = MeshDistances(self.num_points, self.edges, self.rest_lengths)

@@ -112,7 +112,7 @@ class ClothBatch(BatchPhysics):
             "origin": flex.origin,
             "present": np.ones(flex.num_points, bool),
             "count": np.array(flex.num_points),
-            "ends": flex.edges.astype(np.int64),
+            "ends": np.ascontiguousarray(flex.edges),
             "lengths": flex.rest_lengths,
             "pairs": flex.mesh_distances.pairs.indices,
             "distances": flex.mesh_distances.pairs.distances,
