@@ -15,11 +15,12 @@ import softgym_mj.vector.batch.initial_states
 from softgym_mj.batch.device import CpuDevice
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, SnapshotError
-from softgym_mj.metrics import constant
+from softgym_mj.metrics import Measures, constant
 from softgym_mj.robots.grip import GripCommand
 from softgym_mj.robots.gripper import DISPLACEMENTS, MAX_DISPLACEMENT, gripper_actions
 from softgym_mj.robots.picker import ROPE_GEOMETRY, Picker
 from softgym_mj.tasks import TaskSettings
+from softgym_mj.tasks.shared.entries import numbers
 from softgym_mj.vector.base import VectorEnv
 from softgym_mj.vector.batch.backend import BatchBackend
 from softgym_mj.vector.batch.padded_rows import PaddedRows, leaves
@@ -242,6 +243,48 @@ def test_custom_tasks_are_played_if_they_are_functions_of_arrays(register):
     envs = softgym_mj.make_vec("loosen_rope", 2, device="host", fidelity="fast")
     _, infos = envs.reset(seed=0, options={"variation": [1, 807]})
     assert (infos["success"] == (infos["normalized_performance"] >= 0.5)).all()
+    envs.close()
+
+
+def _first_height(points):
+    return points["rope"][0, 2]  # Of vertex 0; in a batch, of vertex 2 of environment 0.
+
+
+def _mean_x(points):
+    return float(points["rope"][:, 0].mean())
+
+
+def _end_distance(points):
+    return np.linalg.norm(points["rope"][0] - points["rope"][-1])
+
+
+@pytest.mark.parametrize(
+    ("measured", "listed", "found"),
+    [
+        (_mean_x, None, r"'performance' by measure\(\) for 2 environments differs from.*0 alone"),
+        (_end_distance, None, "'performance' .* differs from"),
+        (_first_height, None, r"'performance' .* has shape \(3,\), expected \(2,\)"),
+        (None, lambda of: numbers(of["rope"][:, 0]), r"'reduced' .* \(2, 9\), expected \(2, 47"),
+        (None, lambda of: numbers(of["rope"][0]), "reduced fails .* ValueError"),
+    ],
+)
+@pytest.mark.parametrize("variations", [[800, 801], [807, 3]])
+def test_functions_of_single_arrays_are_refused(register, measured, listed, found, variations):
+    class Single(softgym_mj.tasks.straighten_rope.StraightenRope):
+        def measure(self, state, episode):
+            if measured is None:
+                return super().measure(state, episode)
+            performance = measured(state.points)
+            return Measures(performance, {"all": performance})
+
+        def reduced(self, state, episode):
+            own = super().reduced(state, episode)
+            return own if listed is None else {"own": listed(state.points)}
+
+    register("single_rope", Single)
+    envs = softgym_mj.make_vec("single_rope", 2, device="host")
+    with pytest.raises(InvalidArgumentError, match=f"{found}.*write `points"):
+        envs.reset(options={"variation": variations})
     envs.close()
 
 

@@ -16,6 +16,7 @@ from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.grip import may_be
 from softgym_mj.robots.gripper import HELD
 from softgym_mj.tasks.shared.base import Task
+from softgym_mj.tasks.shared.batches import check_batch
 from softgym_mj.tasks.shared.observations import STATES
 from softgym_mj.tasks.shared.state import Episode, State
 from softgym_mj.vector.backend import MOST_ENVIRONMENTS, Backend, check_running, clipping
@@ -157,6 +158,10 @@ class BatchEpisodes(Backend):
         whole = self._rows.whole
         sizes = [points.shape[1] for points in whole["episode"]["points"].values()]
         self._state = self._physics.task_state(max(sizes))
+        if self._measures is None:
+            names = [name for name in self._names if name in STATES]
+            started = int(np.argmax(self._started))
+            check_batch(self._task, self._state, self._episode, names, started)
         self._measures = self._task.measure(self._state, self._episode)
         self._strains = self._physics.strains()
         whole["strain"] = self._xp.maximum(whole["strain"], self._strains)
