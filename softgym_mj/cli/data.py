@@ -28,7 +28,7 @@ from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.parallel.executors import make_executor
 from softgym_mj.policies.factory import SIMPLE
 from softgym_mj.registry import TASKS, find
-from softgym_mj.variations.indices import NUM_VARIATIONS
+from softgym_mj.variations.indices import NUM_VARIATIONS, check_variation
 from softgym_mj.vector.make import DEVICES, make_device
 
 ALL = "all"  # Stands for all tasks of this package.
@@ -45,18 +45,25 @@ def generate(
         str, typer.Option(help="Resolution: fast, default or accurate.")
     ] = "default",
 ) -> None:
-    """Generates settled initial states in the cache. The same command continues a stopped one."""
+    """Generates settled initial states in the cache, unless the package ships them.
+
+    The same command continues a stopped one.
+    """
     check_name("device", device, DEVICES)
+    indices = [check_variation(index) for index in range(start, start + num)]
     batch_device = None if device == "cpu" else make_device(device, num)
     record = find(task)
     settings = {"fidelity": fidelity} if "fidelity" in record.arguments else {}
     store = record.build(**settings).store
     if store is None:
         raise InvalidArgumentError("task", record.name, "a task that stores its initial states")
+    if store.shipped() is not None:
+        console.print(f"the package ships the initial states of {record.name}: none are generated")
+        return
     with make_executor(jobs, ray) as executor, progress_bar() as progress:
         bar = progress.add_task(f"{record.name} variations", total=num)
         made = store.generate_missing(
-            range(start, start + num), executor, lambda index: progress.advance(bar), batch_device
+            indices, executor, lambda index: progress.advance(bar), batch_device
         )
     console.print(f"generated {made}, found {num - made}, in {store.folder}")
 

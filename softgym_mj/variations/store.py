@@ -49,6 +49,10 @@ class VariationStore(Store):
         self.folder /= f"{start.name}-{self.digest[:12]}"
         self._start = start
 
+    def shipped(self) -> list[np.ndarray] | None:
+        """Returns the states (n, 3) [m] that the package ships; None if it ships none of these."""
+        return packs.shipped(self._start.name, self.text)
+
     def load(self, index: int) -> np.ndarray:
         """Returns vertices (n, 3) [m] of a variation; generates and stores them if missing.
 
@@ -57,7 +61,7 @@ class VariationStore(Store):
                 of another variation; if it has to be generated and cannot be written.
         """
         index = check_variation(index)
-        states = packs.shipped(self._start.name, self.text)
+        states = self.shipped()
         if states is not None:
             return states[index].copy()
         if not self.has(index):

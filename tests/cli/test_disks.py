@@ -8,7 +8,7 @@ from tests.command import status_of
 SHORT = '{"horizon": 3}'
 PLANNER = "--policy icem --horizon 2 --budget 40 --iterations 2"
 COMMANDS = {
-    "generate": ["generate", "straighten_rope", "--start", "3", "--num", "1"],
+    "generate": ["generate", "straighten_rope", "--fidelity", "fast", "--num", "1"],
     "evaluate": ["evaluate", "straighten_rope", "--episodes", "3", "--task-settings", SHORT,
                  "--out"],
     "planner": ["evaluate", "straighten_rope", "--episodes", "1", "--task-settings", SHORT,

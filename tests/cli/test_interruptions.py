@@ -23,8 +23,8 @@ from tests.viewing.chromium import wait_until
 ROOT = pathlib.Path(__file__).parents[2]
 PLANNER = '--policy icem --horizon 2 --budget 40 --iterations 2 --task-settings {"horizon":8}'
 COMMANDS = {
-    "generate": "generate straighten_rope --num 400",
-    "generate by two": "generate straighten_rope --num 400 --jobs 2",
+    "generate": "generate straighten_rope --fidelity fast --num 400",
+    "generate by two": "generate straighten_rope --fidelity fast --num 400 --jobs 2",
     "evaluate": "evaluate straighten_rope --policy random --episodes 200",
     "evaluate by two": "evaluate straighten_rope --policy random --episodes 200 --jobs 2",
     "plan": f"evaluate straighten_rope {PLANNER} --episodes 100",
@@ -136,8 +136,8 @@ def sweep(command, folder, moments):
 
 
 SHORT = {
-    "generate": "generate straighten_rope --num 12",
-    "generate by two": "generate straighten_rope --num 12 --jobs 2",
+    "generate": "generate straighten_rope --fidelity fast --num 12",
+    "generate by two": "generate straighten_rope --fidelity fast --num 12 --jobs 2",
     "evaluate": "evaluate straighten_rope --policy random --episodes 8",
     "plan": f"evaluate straighten_rope {PLANNER} --episodes 4",
     "film": "rollout straighten_rope --policy zero --episodes 2 --video videos",
