@@ -46,9 +46,10 @@ def test_bad_particles_restart_the_simulation(bad, integrator):
     assert data.warning[BAD_QPOS].number == 1
 
 
-def wet_sheets():
+def wet_sheets(count="9 9 1"):
     """Two sheets and a cup of water."""
     sheets = SHEET.format("a", "1 0 .03", "0 0 0") + SHEET.format("b", "1.02 .01 .08", "5 3 20")
+    sheets = sheets.replace("9 9 1", count)
     xml = FluidCup((3, 3), 3).xml.replace("</extension>", CLOTH + "</extension>")
     return mujoco.MjModel.from_xml_string(xml.replace("</worldbody>", f"{sheets}</worldbody>"))
 
