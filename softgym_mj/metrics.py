@@ -57,6 +57,11 @@ def namespace(array: Array) -> Any:
     return np if isinstance(array, np.ndarray) else array_api_compat.array_namespace(array)
 
 
+def to_host(array: Any) -> np.ndarray:
+    """Returns an array or a tensor (...) on any device as a NumPy array (...)."""
+    return np.asarray(array.cpu() if hasattr(array, "cpu") else array)
+
+
 def constant(values: Any, like: Array) -> Array:
     """Returns numbers (...) as an array of the library and on the device of `like`.
 

@@ -12,6 +12,7 @@ from gymnasium.vector import AutoresetMode
 
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError, SimulationError
+from softgym_mj.metrics import to_host
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.policies.saved import SUFFIX
 from softgym_mj.registry import find
@@ -20,7 +21,7 @@ from softgym_mj.tasks.shared.observations import names_of
 from softgym_mj.vector.base import VectorEnv
 from softgym_mj.vector.batch.backend import BatchBackend
 from softgym_mj.vector.make import make_device
-from softgym_mj.vector.playing import play_each, to_host
+from softgym_mj.vector.playing import play_each
 
 MOST = 1056  # Episodes per batch; larger batches need more memory and are stored less often.
 

@@ -5,12 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from softgym_mj.metrics import to_host
 from softgym_mj.vector.base import VectorEnv
-
-
-def to_host(array: Any) -> np.ndarray:
-    """Returns an array or a tensor (...) on any device as a NumPy array (...)."""
-    return np.asarray(array.cpu() if hasattr(array, "cpu") else array)
 
 
 def play_each(
