@@ -1,13 +1,12 @@
 """Check that functions of a task treat a batch as each of its simulations."""
 
-import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.metrics import Array
+from softgym_mj.metrics import Array, to_host
 from softgym_mj.tasks.shared.observations import STATES
 from softgym_mj.tasks.shared.state import Episode, State
 
@@ -41,7 +40,7 @@ def check_batch(
         return lambda *of: {name: STATES[name].value(task, *of)}
 
     number = len(state.sensed)
-    own = State(*_row(list(state), index)), _episode(episode, index)
+    own = state.row(index), episode.row(index)
     functions = {"measure()": described, **{name: observed(name) for name in names}}
     for function, compute in functions.items():
         try:
@@ -54,7 +53,7 @@ def check_batch(
                 f"{_ADVICE}"
             ) from error
         for name, value in whole.items():
-            found, expected = _numbers(value), _numbers(single[name])
+            found, expected = to_host(value), to_host(single[name])
             if found.shape not in (valid := (number, *expected.shape), ()):
                 found_as = f"has shape {found.shape}, expected {valid}"
             elif not np.allclose(
@@ -66,19 +65,3 @@ def check_batch(
             raise InvalidArgumentError(
                 f"{name!r} by {function} for {number} environments {found_as}; {_ADVICE}"
             )
-
-
-def _row(values: Any, index: int) -> Any:
-    """Returns row `index` of arrays, of dicts and lists of them."""
-    if isinstance(values, dict):
-        return {name: _row(value, index) for name, value in values.items()}
-    return [_row(value, index) for value in values] if isinstance(values, list) else values[index]
-
-
-def _episode(episode: Episode, index: int) -> Episode:
-    fields = {field.name: getattr(episode, field.name) for field in dataclasses.fields(episode)}
-    return Episode(**_row(fields, index))
-
-
-def _numbers(array: Array) -> np.ndarray:
-    return np.asarray(array.cpu() if hasattr(array, "cpu") else array)

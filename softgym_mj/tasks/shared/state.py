@@ -55,6 +55,10 @@ class State(NamedTuple):
         """Stacks states of one task along a new first dimension, padded (NumPy)."""
         return cls(*(stack(values) for values in zip(*states, strict=True)))
 
+    def row(self, index: int) -> "State":
+        """Returns one state of a batch."""
+        return State(*(row(values, index) for values in self))
+
 
 @dataclasses.dataclass(frozen=True)
 class Episode:
@@ -79,6 +83,10 @@ class Episode:
         """Stacks episodes of one task along a new first dimension, padded with zeros (NumPy)."""
         return cls(*(stack(values) for values in zip(*map(_fields, episodes), strict=True)))
 
+    def row(self, index: int) -> "Episode":
+        """Returns one episode of a batch."""
+        return Episode(*(row(values, index) for values in _fields(self)))
+
 
 def _fields(episode: Episode) -> tuple:
     return tuple(getattr(episode, field.name) for field in dataclasses.fields(episode))
@@ -94,3 +102,10 @@ def stack(values: Sequence) -> Array:
     for i, array in enumerate(arrays):
         whole[i, ...][tuple(slice(size) for size in array.shape)] = array
     return whole
+
+
+def row(values: Any, index: int) -> Any:
+    """Returns a row of an array, or of those of dicts of them."""
+    if isinstance(values, dict):
+        return {name: row(value, index) for name, value in values.items()}
+    return values[index]
