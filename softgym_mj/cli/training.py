@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 import pathlib
 import time
 from collections.abc import Mapping, Sequence
@@ -127,8 +128,8 @@ def train(
     check_name("log", log, logs.LOGS if is_alone else ("none",))  # A log is of one process.
     check_count("seeds", seeds, 1, 100)
     check_count("first_seed", first_seed, 0, 1000)
-    ends = None if minutes is None else start + 60.0 * _checked_minutes(minutes, is_alone)
-    limit = TimeLimit() if ends is None else TimeLimit(ends)
+    left = math.inf if minutes is None else 60.0 * _checked_minutes(minutes, is_alone)
+    limit = TimeLimit(start + left)
     chosen_seeds = range(first_seed, first_seed + seeds)
     names = (observation or "").split(",")
     chosen = combined(
