@@ -7,6 +7,7 @@ import pytest
 
 import softgym_mj
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
+from softgym_mj.policies.experts import rope_configuration
 from softgym_mj.rendering.observables import LABELS
 from softgym_mj.robots.gripper import MAX_DISPLACEMENT
 from softgym_mj.vector.batch.cameras import IMAGES
@@ -73,7 +74,10 @@ LONG = (
 @pytest.mark.parametrize(
     "case", ["straighten_rope/franka", *(pytest.param(c, marks=pytest.mark.long) for c in LONG)]
 )
-def test_an_expert_acts_as_in_environments(case):
+def test_an_expert_acts_as_in_environments(case, monkeypatch):
+    # Experts of ropes rehearse fewer plans, in a fifth of the time.
+    monkeypatch.setattr(rope_configuration, "WORST", 3)
+    monkeypatch.setattr(rope_configuration.RopeConfiguration, "_last_resort", lambda *_: None)
     task, actor = case.split("/")
     settings = {"actor": actor, **({} if case in LONG else {"horizon": 2 * STEPS})}
     episodes = _recorded(task, **settings)
@@ -82,13 +86,14 @@ def test_an_expert_acts_as_in_environments(case):
         sensed.append(observations["proprioception"].astype(float))
         held.append(observations["held"])
     expected = arms.sensed(episodes)
-    steps = None if task == "route_cable" else STEPS  # The rope hardly moves arms.
+    # A rope hardly moves arms before its chaos decides what hands meet.
+    steps = 60 if task == "route_cable" else STEPS
     both = map(_tools_and_joints, (np.array(sensed)[:steps], expected[:steps]))
     points, joints = (np.abs(a - b) for a, b in zip(*both, strict=True))
     assert np.sqrt(np.mean(points**2)) < 1e-3
     assert np.sqrt(np.mean(joints**2)) < 1e-3
     if task != "spread_cloth":  # Crumpled cloth under a hand is chaotic.
-        assert points.max() < (2e-4 if task == "route_cable" else 1e-3)
+        assert points.max() < (1e-7 if task == "route_cable" else 1e-3)
         scores = np.array([[seen[-1][1]["normalized_performance"] for _, seen in episodes]])
         if task == "route_cable":
             # Whether the rope slips into a clip is chaotic: 1e-12 m change it in variation 800, and
