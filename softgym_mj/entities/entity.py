@@ -33,10 +33,11 @@ class Entity(composer.Entity):
         is_open = any(one.kind is one.VAR_KEYWORD for one in signature.parameters.values())
 
         def __init__(self: Any, *args: Any, **kwargs: Any) -> None:
-            if type(self)._build is build and not is_open and (unknown := kwargs.keys() - names):
+            own, unknown = type(self), kwargs.keys() - names
+            if own.__init__ is __init__ and not is_open and unknown:
                 wrong = min(unknown)
                 raise UnexpectedArgumentError(
-                    f"{cls.__name__} got an unexpected keyword argument {wrong!r}"
+                    f"{own.__name__} got an unexpected keyword argument {wrong!r}"
                     + choices(wrong, names)
                 )
             super(cls, self).__init__(*args, **kwargs)

@@ -75,7 +75,7 @@ def test_a_class_with_a_constructor_keeps_it():
     assert Towel("me").owner == "me" and Towel("me").dims == (49, 49)
 
 
-@pytest.mark.parametrize("entity", [Cloth, Cup, Garment, Rope, Shirt, Picker])
+@pytest.mark.parametrize("entity", [Cloth, Cup, Garment, PickAndPlace, Picker, Rope, Shirt])
 def test_an_unexpected_argument_lists_every_argument(entity):
     listed = ", ".join(map(repr, inspect.signature(entity).parameters))
     message = rf"^{entity.__name__} got an unexpected .* 'smell'; valid choices: {listed}\.$"
