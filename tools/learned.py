@@ -86,6 +86,7 @@ def results() -> str:
         caption = "Curves on held-out variations: medians and quartiles over seeds"
         found += f"\n\n![{caption}](results/{FIGURE.name})\n\n{caption}. "
         found += (
+            "The last point of a curve is a mean of 200 variations, earlier ones of 20 of them. "
             "Gray lines (others): scores that [other work](#other-work) published. The axis ends "
             f"at {_LOWEST}. Env steps of `distill` do not include those of its teacher. "
             "`teacher_student` jumps where its teacher ends: the student, which is scored, learns "
@@ -113,10 +114,11 @@ def summary() -> str:
     found = matrix(_short)
     notes = (
         "A cell has the median over three or five seeds and the method, the column's best, which "
-        "makes it slightly optimistic; empty: not published. *Proprioception*: what the actor "
-        "measures of itself. *Distillation*: a student imitates a state policy or a hand-written "
-        "expert. *CEM*: planning in the simulator itself, mean of ten episodes. *No action* scores "
-        "above 0 where the start lies above the lower bound or grippers release the cloth."
+        "makes it slightly optimistic; empty: no such row in the results. *Proprioception*: what "
+        "the actor measures of itself. *Distillation*: a student imitates a state policy or a "
+        "hand-written expert. *CEM*: planning in the simulator itself, mean of ten episodes. *No "
+        "action* scores above 0 where the start lies above the lower bound or grippers release the "
+        "cloth."
     )
     return found and f"{found}\n\n{notes}"
 
@@ -130,7 +132,8 @@ def overview() -> str:
     lines = (
         "*Cell*: median (quartiles) over seeds (five, unless the cell has another number); method; "
         "[success](glossary.md) rate. The method is the column's best by held-out score, "
-        f"which makes cells slightly optimistic.{stale} Empty: not published.",
+        f"which makes cells slightly optimistic.{stale} Empty: no row "
+        "below; [failed students](learning.md#reactive-experts) have none.",
         "*No action*: mean over the 200 held-out variations. It is above 0 where the start lies "
         "above the lower bound (`straighten_rope`) or grippers release the cloth (`drop_cloth`, "
         "`drop_fold_cloth`).",
