@@ -135,9 +135,8 @@ _METHOD = _parser(
 _COUNT = _parser(int, "a whole number, 0 or more", lambda value: value >= 0)
 _SCORE = _parser(float, "a finite number", math.isfinite)
 _PARSERS: dict[str, _Parser] = {
-    "task": _one_of(*TASKS),
     "method": _METHOD,
-    **dict.fromkeys(("actor", "observation", "preset", "replay"), _WORD),
+    **dict.fromkeys(("task", "actor", "observation", "preset", "replay"), _WORD),
     **dict.fromkeys(("seed", "env_steps", "updates", "episodes"), _COUNT),
     "seconds": _parser(float, "0 or more, or nothing", lambda value: 0 <= value < math.inf),
     "split": _one_of("train", "evaluate"),

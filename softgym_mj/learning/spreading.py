@@ -12,6 +12,8 @@ from softgym_mj.learning.learner import Method
 from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.training import Training
 from softgym_mj.parallel.executors import Executor
+from softgym_mj.policies.rollouts import received, sent_to
+from softgym_mj.registry import TASKS, TaskRecord
 
 Row = dict[str, Any]  # Row of a curve.
 
@@ -42,8 +44,11 @@ def train_each(
         The curve of all seeds.
     """
     result: dict[int, list[Row]] = {}
-    where = device, learner_device
-    calls = [(settings, method, seed, folder / f"seed_{seed}", *where) for seed in seeds]
+    task = sent_to(executor, settings.task)
+    calls = [
+        (task, settings, method, seed, folder / f"seed_{seed}", device, learner_device)
+        for seed in seeds
+    ]
     rows: list[Row] = []
     with alone(folder):
         for i, own in executor.results(_trained, calls):
@@ -57,6 +62,7 @@ def train_each(
 
 
 def _trained(
+    task: TaskRecord | bytes,
     settings: TrainingSettings,
     method: Method,
     seed: int,
@@ -64,6 +70,8 @@ def _trained(
     device: str,
     learner_device: str | None,
 ) -> list[Row]:
+    record = received(task)
+    TASKS.setdefault(record.name, record)
     training = Training(settings, method, [seed], folder, device, learner_device)
     with reports.repeated(lambda: reports.progress(training), reports.LINE_SECONDS):
         training.run(on_start=reports.start)

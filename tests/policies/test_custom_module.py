@@ -12,6 +12,7 @@ from dm_control import suite
 import softgym_mj
 from softgym_mj import registry
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.learning.results import read_rows
 from softgym_mj.policies.experts.expert import OwnExpert
 from softgym_mj.recording import record
 from tests.command import status_of
@@ -221,3 +222,16 @@ def test_an_error_in_a_task_is_a_plain_traceback_that_ends_there(folder):
     assert "own_wrong.py" in lines[-4]
     assert lines[-1] == "NameError: name 'misspelled' is not defined"
     assert all(line.startswith("  ") for line in lines[first + 1 : -1])  # No frame, no locals.
+
+
+@pytest.mark.long
+def test_a_task_of_ones_own_is_trained_in_processes(folder, monkeypatch):
+    settings = {
+        "env_steps": 8, "num_envs": 2, "part": 8, "episodes": 1, "final_episodes": 1,
+        "hidden": [8, 8], "random_steps": 4, "updates": 2, "batch": 4, "replay": 16,
+        "symmetric": False, "symmetrize_policy": False,
+    }  # fmt: skip
+    command = ["train", "sac", "own_tasks:own_pull", "--device", "host", "--jobs", "2"]
+    command += ["--settings", json.dumps(settings), "--out", "own"]
+    assert status_of(command, monkeypatch) == 0
+    assert {row.task for row in read_rows(folder / "own" / "curve.csv")} == {"own_pull"}
