@@ -229,6 +229,8 @@ class OldEnv:
 
     def _watch(self, physics: Any, random_state: np.random.RandomState) -> None:
         """Renders images after sim steps, which are one physics step in all tasks."""
+        if self.dm_env.is_rehearsing:
+            return
         self._sim_steps += 1
         if self._frames is not None and self._sim_steps % 2:
             self._frames.append(self.get_image(*self._frame_size))

@@ -44,6 +44,7 @@ class Environment(SimulatedEnvironment):
             a start that diverges.
         step_count: env steps since reset; may be set to shorten an episode.
         diverged: whether the simulation diverged in the last env step.
+        is_rehearsing: whether env steps are being tried and will be undone.
         maker: makes another such environment from a `random_state`; set by `load`.
     """
 
@@ -81,7 +82,7 @@ class Environment(SimulatedEnvironment):
         self.maker: Callable[..., Environment] | None = None
         self.current_variation: int | None = None
         self.step_count = 0
-        self.diverged = False
+        self.diverged = self.is_rehearsing = False
         plain = Task.initialize_episode_mjcf, composer.Entity.initialize_episode_mjcf
         parts = task, *task.root_entity.iter_entities()
         self._edits_mjcf = any(type(part).initialize_episode_mjcf not in plain for part in parts)
@@ -280,11 +281,13 @@ class Environment(SimulatedEnvironment):
         function raises `PhysicsError` if the simulation diverges.
         """
         snapshot, warnings = self.get_state(), self._data.warning.number.copy()
-        diverged = self.diverged
+        diverged, within = self.diverged, self.is_rehearsing
+        self.is_rehearsing = True
         try:
             yield self._try
         finally:
             self._restore(snapshot)
+            self.is_rehearsing = within
             self._data.warning.number[:], self.diverged = warnings, diverged
 
     def _try(self, action: np.ndarray) -> bool:

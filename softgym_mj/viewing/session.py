@@ -124,6 +124,8 @@ class Session:
         self.play(variation=(self.variation + 1) % NUM_VARIATIONS)
 
     def _after_sim_step(self, physics, random_state) -> None:
+        if self.env.is_rehearsing:
+            return
         self._sim_steps += 1
         if self._sim_steps % FRAME_STEPS == 0:
             self._show()

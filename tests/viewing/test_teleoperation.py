@@ -240,3 +240,11 @@ def test_simulated_time_is_held_back_to_real_time():
         now[0] += 0.01
         pace.wait(0.02)
     assert sum(slept) > 0.0
+
+
+def test_a_rehearsal_of_an_expert_is_not_shown():
+    session, shown = unhurried("rope_configuration", "scripted", 800, fidelity="fast"), []
+    session.on_frame = lambda: shown.append(session.env.physics.time())
+    session.advance()
+    sim_steps = session.env.task.action_repeat
+    np.testing.assert_allclose(shown, [0.01 * k for k in range(2, sim_steps + 1, FRAME_STEPS)])
