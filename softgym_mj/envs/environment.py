@@ -125,7 +125,8 @@ class Environment(SimulatedEnvironment):
         return dm_env.TimeStep(dm_env.StepType.FIRST, None, None, observation)
 
     def _start(self, variation: int):
-        self.current_variation = None  # Until the episode has started.
+        # Until the episode has started.
+        self.current_variation, self._reset_next_step = None, True
         recompile = self._task.choose_variation(variation)
         self._hooks.initialize_episode_mjcf(self._random_state)
         if recompile or self._edits_mjcf:

@@ -117,6 +117,25 @@ def test_a_start_that_diverges_is_an_error():
         env.reset(7)
     with pytest.raises(LifecycleError, match="no episode has started"):
         env.get_state()
+    with pytest.raises(SimulationError, match="start of variation"):  # As after an episode.
+        env.step(np.zeros(8))
+
+
+def test_no_episode_runs_in_gymnasium_after_a_start_that_diverges():
+    env = SoftGymEnv("straighten_rope", **SETTINGS)
+    env.reset(seed=0)
+
+    def fail(physics, random_state):
+        if env.dm_env.task.variation == 7:
+            raise PhysicsError("as MuJoCo's warnings do")
+
+    env.dm_env.add_extra_hook("initialize_episode", fail)
+    with pytest.raises(SimulationError, match="start of variation 7"):
+        env.reset(options={"variation": 7})
+    with pytest.raises(LifecycleError, match="no episode is running"):
+        env.step(np.zeros(8))
+    env.reset(options={"variation": 8})
+    env.step(np.zeros(8))
 
 
 def test_an_episode_continues_if_the_start_of_a_snapshot_diverges():
