@@ -25,7 +25,9 @@ from softgym_mj.exceptions import (
 )
 from softgym_mj.rendering.offscreen import LARGEST_IMAGE, CameraView, camera_ids
 from softgym_mj.validation import check_type
+from softgym_mj.variations.indices import check_variation
 
+_HOOKS_KEY = 0x484F4F4B  # Separates the random numbers of hooks from others.
 # Attributes copied in addition to the arguments and the state of the episode.
 _COPIED = ("_np_random", "_np_random_seed", "action_space", "observation_space", "_spec")
 
@@ -150,7 +152,8 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         """Starts an episode.
 
         Args:
-            seed: seed of the generator that draws variations.
+            seed: seed of the generator that draws variations. The `random_state` that composer
+                passes to hooks of a custom task depends on the variation alone.
             options: {"variation": index 0..999} instead of a draw from the split; or {"state":
                 state}, which continues an episode as `set_state` does, but counts as a reset for
                 wrappers: a new environment of `gymnasium.make` requires one before a step.
@@ -173,6 +176,9 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         variation = options.get("variation")
         if variation is None:
             variation = draw_variation(self.np_random, self.dm_env.variations)
+        check_variation(variation)
+        # As in the workers of `VectorEnv`, which get no seeds.
+        self.dm_env.random_state.seed([_HOOKS_KEY, variation])
         timestep = self.dm_env.reset(variation)
         self._running = True
         return self._convert(timestep.observation), self._info()
@@ -190,7 +196,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         self._check_open()
         if self.clip_actions:
             action = self._clipped(action)
-        if not self._running:
+        if not self._running or self.dm_env.current_variation is None:
             raise LifecycleError("no episode is running: call reset() before step()")
         timestep = self.dm_env.step(action)
         ended = timestep.last()

@@ -345,3 +345,27 @@ def test_a_camera_looks_where_it_is_told_to():
     forward, right = -data.cam_xmat[camera].reshape(3, 3)[:, 2], data.cam_xmat[camera, ::3]
     np.testing.assert_allclose(forward, [0.6, 0.8, 0.0], atol=1e-9)
     np.testing.assert_allclose(right, [0.8, -0.6, 0.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("vector", [False, True])
+def test_random_numbers_of_hooks_depend_on_the_variation_alone(register, vector):
+    class Windy(Straight):
+        """A straight rope whose length is noisy."""
+
+        def after_step(self, physics, random_state):
+            super().after_step(physics, random_state)
+            self.noise = random_state.uniform()
+
+        def info(self):
+            return {**super().info(), "noise": np.float64(getattr(self, "noise", 0.0))}
+
+    register("windy", Windy)
+    env = softgym_mj.make_vec("windy", 1) if vector else gymnasium.make("softgym_mj/Windy-v0")
+    zeros, noise = np.zeros(env.action_space.shape, np.float32), []
+    for variation in (800, 801, 800):
+        env.reset(options={"variation": [variation] if vector else variation})
+        noise.append([float(np.squeeze(env.step(zeros)[-1]["noise"])) for _ in range(2)])
+    assert noise[0] == noise[2] != noise[1]
+    expected = np.random.RandomState([0x484F4F4B, 800])
+    assert noise[0] == [expected.uniform(), expected.uniform()]
+    env.close()
