@@ -2,14 +2,17 @@
 
 import math
 import pathlib
+import uuid
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from softgym_mj.exceptions import check_name, import_extra
 from softgym_mj.learning.training import Training
+from softgym_mj.storage.files import read_whole, write_whole
 
 POINTS = 100  # Log entries of a whole training.
 LOGS = ("none", "tensorboard", "wandb")
+WANDB_ID = "wandb_id"  # File with the id of the folder's run, which a continued training resumes.
 Log = Callable[[Training, Mapping[str, Sequence[float]]], None]
 
 
@@ -39,7 +42,11 @@ def make_log(name: str, folder: pathlib.Path) -> Log:
 
         return write
     wandb = import_extra("wandb", "Weights & Biases", "wandb")
-    run = wandb.init(project="softgym_mj", dir=str(folder), resume="allow", id=folder.name)
+    file = folder / WANDB_ID
+    if not file.exists():
+        write_whole(file, uuid.uuid4().hex.encode())
+    own = {"id": read_whole(file).decode(), "name": folder.resolve().name}
+    run = wandb.init(project="softgym_mj", dir=str(folder), resume="allow", **own)
 
     def add(key: str, value: float, env_steps: int) -> None:
         run.log({key: value, "env_steps": env_steps})

@@ -1,5 +1,7 @@
 """Logs have the numbers of curves."""
 
+import pathlib
+import sys
 import types
 
 import pytest
@@ -31,6 +33,22 @@ def test_tensorboard_has_losses_scores_and_success(tmp_path):
     ]
     assert [one.value for one in events.Scalars("train/success/3")] == [0.25, 0.25]
     assert [one.step for one in events.Scalars("critic_loss/7")] == [100, 150, 200]
+
+
+def test_each_folder_has_a_run_of_its_own_that_continues(tmp_path, monkeypatch):
+    runs = []
+    monkeypatch.setitem(
+        sys.modules, "wandb", types.SimpleNamespace(init=lambda **run: runs.append(run))
+    )
+    folders = [tmp_path / parent / "training" for parent in "ab"]
+    for folder in folders:
+        folder.mkdir(parents=True)
+        make_log("wandb", folder)
+    monkeypatch.chdir(folders[0])
+    make_log("wandb", pathlib.Path())
+    first, other, again = (run["id"] for run in runs)
+    assert again == first != other and len(first) == 32
+    assert {run["name"] for run in runs} == {"training"}
 
 
 def test_another_log_is_refused(tmp_path):
