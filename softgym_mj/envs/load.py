@@ -49,8 +49,7 @@ def load(
 
     record.check_arguments(task_kwargs, load)
     built = record.build(**task_kwargs)
-    if record.is_custom:
-        built.arguments = arguments_of_states(record.resolve(), task_kwargs)
+    built.arguments = arguments_of_states(record.resolve(), task_kwargs)
     if horizon is None:
         horizon = _default_horizon(record, built)
     env = Environment(

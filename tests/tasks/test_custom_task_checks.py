@@ -236,6 +236,25 @@ def test_snapshots_fit_the_same_arguments_only(register):
     assert "arguments" not in softgym_mj.load("straighten_rope", actor="picker").task.snapshot_key
 
 
+@pytest.mark.parametrize(
+    ("task", "name", "usual", "other"),
+    [
+        ("rope_configuration", "matching", "key_points", "vertices"),
+        ("drop_cloth", "sizes", [60, 100], (70, 100)),
+    ],
+)
+def test_snapshots_of_shipped_tasks_fit_the_same_arguments_only(task, name, usual, other):
+    env = softgym_mj.load(task, split="all", **{name: other})
+    env.reset(800)
+    snapshot = env.get_state()
+    softgym_mj.load(task, **{name: other}).set_state(snapshot)
+    with pytest.raises(SnapshotError, match=rf"arguments={{'{name}': .* against None"):
+        softgym_mj.load(task).set_state(snapshot)
+    env = softgym_mj.load(task, split="all")
+    env.reset(800)
+    softgym_mj.load(task, **{name: usual}).set_state(env.get_state())
+
+
 # ------------------------------------------------------------------ tasks registered again
 
 

@@ -1,4 +1,4 @@
-"""Arguments of a custom task that must agree for a snapshot to fit."""
+"""Arguments of a task that must agree for a snapshot to fit."""
 
 import inspect
 import json
