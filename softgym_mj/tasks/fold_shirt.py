@@ -69,13 +69,8 @@ class FoldShirt(Task):
                 `help("softgym_mj.tasks.shared.settings")` explains them.
         """
         check_name("cuts", cuts, CUTS)
-        self._cuts = cuts
         self.shirt = Shirt(fidelity=fidelity)
         super().__init__([self.shirt], FlatShirt(fidelity, cuts), **settings)
-
-    @property
-    def snapshot_key(self) -> dict[str, object]:
-        return {**super().snapshot_key, "cuts": self._cuts}
 
     def tool_start(self, points: dict[str, np.ndarray]) -> ToolStart:
         start = super().tool_start(points)

@@ -99,10 +99,6 @@ class HangCloth(Task):
         height, radius = (float(random.uniform(*ends)) for ends in BARS[self._bars])
         return height, radius
 
-    @property
-    def snapshot_key(self) -> dict[str, object]:
-        return {**super().snapshot_key, "bars": self._bars}
-
     def resize(self, variation: int) -> bool:
         resized, size = super().resize(variation), self.bar(variation)
         if size == self._size:

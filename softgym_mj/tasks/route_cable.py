@@ -111,10 +111,6 @@ class RouteCable(Task):
         self._placed = -1
         self.resize(0)
 
-    @property
-    def snapshot_key(self) -> dict[str, object]:
-        return {**super().snapshot_key, "routes": self._routes}
-
     def route(self, variation: int, number: int) -> np.ndarray:
         """Returns evenly spaced points (number, 2) [m] of the route of a variation."""
         wave = _wave(self._routes, variation)
