@@ -186,7 +186,7 @@ def _record(task: str, variations: Sequence[int], **how: Any) -> None:
         if finished:
             from softgym_mj.evaluation.indices import as_text
 
-            done = as_text(variations[: len(finished)])
+            done = as_text(int(info["variation"]) for info in finished)
             message += f"; --variations {done} makes a dataset of them alone"
         raise KeyboardInterrupt(f"{message}: the same command continues from them") from None
     episodes, steps, call = recording.make_format(how["format"]).summary(made)

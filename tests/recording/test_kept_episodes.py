@@ -15,6 +15,7 @@ import pytest
 from minari.dataset._storages.hdf5_storage import HDF5Storage
 
 from softgym_mj.exceptions import StoreError
+from softgym_mj.parallel.executors import SerialExecutor
 from softgym_mj.recording import datasets, record, running
 from tests.command import status_of
 
@@ -210,3 +211,19 @@ def test_ctrl_c_says_how_to_go_on(capsys, monkeypatch):
     monkeypatch.setattr(running, "played", lambda *how: (stop(how), played(*how))[1])
     assert status_of(["record", TASK, "--policy", "zero"], monkeypatch) == 130
     assert "interrupted; 1 episodes of straighten_rope are stored" in capsys.readouterr().err
+
+
+def test_ctrl_c_names_what_is_stored(capsys, monkeypatch):
+    """Processes finish in any order."""
+
+    class Backward(SerialExecutor):
+        def results(self, function, calls):
+            for index in (3, 1):
+                yield index, function(*calls[index])
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(running, "make_executor", lambda jobs: Backward())
+    command = ["record", TASK, "--policy", "zero", "--task-settings", json.dumps(SHORT)]
+    assert status_of([*command, "--variations", "4-8"], monkeypatch) == 130
+    message = "2 episodes of straighten_rope are stored; --variations 5,7 makes"
+    assert message in capsys.readouterr().err
