@@ -101,7 +101,7 @@ def play_sequences(
     returns = np.zeros(len(sequences))
     for i, actions in enumerate(sequences):
         env.set_state(snapshot)
-        for action in actions:
+        for action in () if snapshot.ended else actions:  # After the end, a step would reset.
             timestep = env.step(action)
             returns[i] += timestep.reward
             if timestep.last():
