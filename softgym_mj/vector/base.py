@@ -83,8 +83,12 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         mask = _checked_mask(options.pop("reset_mask", None), self.num_envs)
         stagger = options.pop("stagger", False)
         check_type("stagger", stagger, bool | int)
-        parts = self.num_envs if stagger is True else check_count("stagger", int(stagger), 0)
+        is_bool = isinstance(stagger, bool | np.bool_)
+        parts = self.num_envs * bool(stagger) if is_bool else check_count("stagger", stagger, 0)
         if "state" in options:
+            if parts:
+                valid = "False with the option 'state', whose episodes have their own ends"
+                raise InvalidArgumentError("stagger", stagger, valid)
             states = _states_of_each(options["state"], self.num_envs)
             return self._run(self._restore, mask, states)
         seeds = _seed_of_each(seed, self.num_envs)

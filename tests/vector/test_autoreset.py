@@ -119,4 +119,11 @@ def test_staggered_episodes():
     assert [(np.flatnonzero(column) + 1).tolist() for column in ends.T] == [[7], [4], [7]]
     with pytest.raises(InvalidArgumentError, match="stagger='yes'"):
         envs.reset(options={"stagger": "yes"})
+    envs.reset(options={"stagger": np.True_})
+    ends = np.array([envs.step(np.zeros((NUM_ENVS, 8)))[3] for _ in range(7)])
+    assert [(np.flatnonzero(column) + 1).tolist() for column in ends.T] == [[7], [5], [3]]
+    for stagger in (True, np.True_, 2):
+        with pytest.raises(InvalidArgumentError, match=r"stagger=.*'state'"):
+            envs.reset(options={"state": envs.get_state(), "stagger": stagger})
+    envs.reset(options={"state": envs.get_state(), "stagger": False})
     envs.close(), twin.close()
