@@ -4,6 +4,7 @@ import os
 import pathlib
 
 CACHE_VARIABLE = "SOFTGYM_MJ_CACHE"
+ADVICE = f"Set {CACHE_VARIABLE} to a writable folder with free space."
 
 
 def cache_folder() -> pathlib.Path:

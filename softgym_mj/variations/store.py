@@ -13,7 +13,7 @@ import numpy as np
 
 from softgym_mj.batch.device import Device
 from softgym_mj.exceptions import StoreError
-from softgym_mj.native.caches import CACHE_VARIABLE, cache_folder
+from softgym_mj.native.caches import ADVICE, cache_folder
 from softgym_mj.parallel.executors import BatchExecutor, Executor
 from softgym_mj.storage.store import ARRAYS, Key, Store
 from softgym_mj.variations import packs
@@ -83,9 +83,7 @@ class VariationStore(Store):
         try:
             super().put(key, {"points": value.astype(np.float32)})
         except StoreError as error:
-            raise StoreError(
-                f"{error}. Set {CACHE_VARIABLE} to a writable folder with free space."
-            ) from error
+            raise StoreError(f"{error}. {ADVICE}") from error
 
     def generate_missing(
         self,

@@ -2,6 +2,7 @@
 
 import os
 import pickle
+import shutil
 import time
 
 import numpy as np
@@ -37,6 +38,35 @@ def test_a_second_start_simulates_nothing_and_is_the_same(task, folder, monkeypa
     assert len([*folder.glob("*/*.value")]) == len(VARIATIONS)
     monkeypatch.setattr(initial_states, "read", lambda *_: pytest.fail("a state was read"))
     assert same(_first(task), first)
+
+
+def test_a_cache_that_cannot_be_written_is_one_warning(folder, monkeypatch):
+    monkeypatch.setattr(initial_states, "_SHARE", 1)  # Each share fails.
+    first = _first("straighten_rope")
+    shutil.rmtree(folder)
+    folder.touch()
+    with pytest.warns(UserWarning, match="cannot be written.* Set SOFTGYM_MJ_CACHE") as warned:
+        assert same(_first("straighten_rope"), first)
+    assert len(warned) == 1
+
+
+def test_a_full_cache_is_one_warning(disk, folder, monkeypatch):
+    first = _first("straighten_rope")
+    monkeypatch.setenv("SOFTGYM_MJ_CACHE", str(disk.path))
+    disk.fill(left=16 << 10)  # Room for the specification.
+    with pytest.warns(UserWarning, match="No space left.* Set SOFTGYM_MJ_CACHE") as warned:
+        assert same(_first("straighten_rope"), first)
+    assert len(warned) == 1
+
+
+def test_damaged_files_are_replaced(folder):
+    first = _first("straighten_rope")
+    file, other, *_ = sorted(folder.glob("*/*.value"))
+    whole = file.read_bytes(), other.read_bytes()
+    file.write_bytes(whole[0][:-1])
+    other.write_bytes(b"")
+    assert same(_first("straighten_rope"), first)
+    assert (file.read_bytes(), other.read_bytes()) == whole
 
 
 def test_states_that_are_too_large_are_not_kept(folder, monkeypatch):

@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import pickle
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -13,7 +14,8 @@ from softgym_mj.batch.device import CpuDevice, Device
 from softgym_mj.envs.environment import Environment
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.envs.snapshots import Snapshot
-from softgym_mj.exceptions import cpu_only
+from softgym_mj.exceptions import StoreError, cpu_only
+from softgym_mj.native.caches import ADVICE
 from softgym_mj.parallel.executors import make_executor
 from softgym_mj.rendering.observables import blank_images
 from softgym_mj.tasks.shared.base import Task
@@ -53,8 +55,10 @@ def read(env: Environment, physics: BatchPhysics, cameras: Cameras) -> dict[str,
 
 def read_starts(
     pickled: bytes, files: StartFiles | None, variations: Sequence[int]
-) -> list[dict[str, Any]]:
-    """Returns `read` of the initial states of variations; runs in any process.
+) -> tuple[list[dict[str, Any]], str]:
+    """Returns `read` of the initial states of variations, and why no file keeps them, if so.
+
+    Runs in any process.
 
     Args:
         pickled: By cloudpickle: function that makes the environment, class of the batch physics,
@@ -63,14 +67,17 @@ def read_starts(
         variations: Variation indices.
     """
     env, physics, cameras = _opened(pickled)
-    found = []
+    found, failure = [], ""
     with blank_images():
         for variation in variations:
             env.reset(variation)
             found.append(read(env, physics, cameras))
-            if files is not None:
-                files.put(variation, found[-1])
-    return found
+            if files is not None and not failure:
+                try:
+                    files.put(variation, found[-1])
+                except StoreError as error:
+                    failure = str(error)
+    return found, failure
 
 
 @functools.cache
@@ -134,18 +141,20 @@ class InitialStateCache:
         # Scenes of images have textures, which are larger than the states.
         files = None if self._cameras.observed else start_files(pickled, type(self._env.task))
         # Placed as they come: of a mesh, each brings a grid of up to 8 MB, and all share the first.
-        rows = {}
+        rows, failure = {}, ""
         if files is not None:
-            stored = [v for v in missing if files.has(v)]
             with ThreadPoolExecutor(num_cores()) as threads:  # Decompression releases the GIL.
-                found = map(self._row, threads.map(files.get, stored))
-                rows = dict(zip(stored, found, strict=True))
+                stored = zip(missing, threads.map(files.find, missing), strict=True)
+                rows = {v: self._row(values) for v, values in stored if values is not None}
         new = [v for v in missing if v not in rows]
         shares = [new[i : i + _SHARE] for i in range(0, len(new), _SHARE)]
         with make_executor(max(min(num_cores(), len(shares)), 1)) as executor:
             calls = [(pickled, files, share) for share in shares]
-            for i, values in executor.results(read_starts, calls):
+            for i, (values, new_failure) in executor.results(read_starts, calls):
                 rows |= zip(shares[i], map(self._row, values), strict=True)
+                failure = failure or new_failure
+        if failure:
+            warnings.warn(f"{failure}. {ADVICE}", stacklevel=2)
         # Put together: a GPU gets one array per name instead of a small one per variation.
         first = len(self._known)
         self.rows.put_all(first, [rows[v] for v in missing])

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from softgym_mj.exceptions import StoreError
 from softgym_mj.native.caches import cache_folder
 from softgym_mj.storage.store import Codec, Key, Store
 from softgym_mj.vector.batch.padded_rows import leaves
@@ -42,7 +43,7 @@ class StartFiles(Store):
         parent, version = cache_folder() / "initial_states", _version()
         for folder in parent.glob("*"):
             if not folder.name.startswith(version[:12]):
-                with contextlib.suppress(FileNotFoundError):  # Another process deletes it, too.
+                with contextlib.suppress(OSError):  # Another process deletes it, too.
                     if folder.stat().st_mtime < time.time() - _KEPT:
                         shutil.rmtree(folder, ignore_errors=True)
         specification = {"version": version, "arguments": arguments}
@@ -52,6 +53,13 @@ class StartFiles(Store):
         """Stores a state unless it is too large."""
         if sum(np.asarray(array).nbytes for *_, array in leaves(value)) <= _LARGEST:
             super().put(key, value)
+
+    def find(self, key: Key) -> dict[str, Any] | None:
+        """Returns a state; None if there is none that can be read."""
+        try:
+            return self.get(key)
+        except (FileNotFoundError, StoreError):
+            return None
 
 
 def start_files(pickled: bytes, task: type) -> StartFiles | None:
