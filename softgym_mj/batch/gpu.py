@@ -4,12 +4,14 @@ The kernels are those of the library; a block of threads steps an environment. N
 comes as a package (cuda-core); its output is kept in the cache folder.
 """
 
+import contextlib
 import functools
 import hashlib
 import logging
 import os
 import pathlib
 import time
+import warnings
 from collections.abc import Callable, Hashable, Mapping
 from typing import Any
 
@@ -17,7 +19,7 @@ import numpy as np
 
 from softgym_mj.batch.device import Copy, Device
 from softgym_mj.exceptions import UnavailableError, check_name, install_extra
-from softgym_mj.native.caches import cache_folder
+from softgym_mj.native.caches import ADVICE, cache_folder
 
 # Ends of the names of variants: cloth and rope with solids, also with meshes and heightfields, and
 # water that pushes walls.
@@ -73,6 +75,8 @@ def _source(package: str, file: str) -> str:
 def compiled(name: str, architecture: str) -> bytes:
     """Returns the binary of a kernel for an architecture such as "90"; compiles it if not cached.
 
+    Warns if the cache cannot be written.
+
     Raises:
         UnavailableError: If CUDA's Python packages are not installed.
     """
@@ -86,18 +90,22 @@ def compiled(name: str, architecture: str) -> bytes:
     key = hashlib.sha256(f"{_source(package, file)}{settings}".encode()).hexdigest()[:16]
     check_name("architecture", architecture, _architectures())
     kept = cache_folder() / "kernels" / f"{name}-sm_{architecture}-{key}.cubin"
-    if not kept.exists():
-        _log.info(_NOTICE, name, architecture)
-        paths = [str(_FOLDER), str(_FOLDER / "batch" / "cuda")]
-        options = core.ProgramOptions(arch=f"sm_{architecture}", include_path=paths, **settings)
-        start = time.perf_counter()
-        code = core.Program(f'#include "{file}"\n', "c++", options).compile("cubin").code
-        _log.info("It took %.0f s", time.perf_counter() - start)
+    with contextlib.suppress(OSError):
+        return kept.read_bytes()
+    _log.info(_NOTICE, name, architecture)
+    paths = [str(_FOLDER), str(_FOLDER / "batch" / "cuda")]
+    options = core.ProgramOptions(arch=f"sm_{architecture}", include_path=paths, **settings)
+    start = time.perf_counter()
+    code = core.Program(f'#include "{file}"\n', "c++", options).compile("cubin").code
+    _log.info("It took %.0f s", time.perf_counter() - start)
+    try:
         kept.parent.mkdir(parents=True, exist_ok=True)
         whole = kept.with_suffix(f".{os.getpid()}")
         whole.write_bytes(code)
         whole.replace(kept)
-    return kept.read_bytes()
+    except OSError as error:
+        warnings.warn(f"{kept} cannot be written: {error.strerror}. {ADVICE}", stacklevel=2)
+    return code
 
 
 @functools.cache

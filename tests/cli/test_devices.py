@@ -2,6 +2,7 @@
 
 import io
 import logging
+import types
 
 import pytest
 import torch
@@ -40,6 +41,24 @@ def test_kernels_are_compiled_once(tmp_path, monkeypatch, kernels):
     assert len(kept) == len(gpu.KERNELS)
     output_of("compile", "--arch", "90")
     assert kept == {file: file.stat().st_mtime_ns for file in (tmp_path / "kernels").iterdir()}
+
+
+def test_a_cache_that_cannot_be_written_is_a_warning(tmp_path, monkeypatch):
+    core = types.SimpleNamespace(
+        ProgramOptions=lambda **_: None,
+        Program=lambda *_: types.SimpleNamespace(
+            compile=lambda kind: types.SimpleNamespace(code=b"binary")
+        ),
+    )
+    monkeypatch.setattr(gpu, "_core", lambda: core)
+    monkeypatch.setattr(gpu, "_architectures", lambda: ("90",))
+    monkeypatch.setenv("SOFTGYM_MJ_CACHE", str(tmp_path))
+    (tmp_path / "kernels").touch()
+    with pytest.warns(UserWarning, match=r"cannot be written: .*\. Set SOFTGYM_MJ_CACHE"):
+        assert gpu.compiled("measures", "90") == b"binary"
+    (tmp_path / "kernels").unlink()
+    assert gpu.compiled("measures", "90") == gpu.compiled("measures", "90") == b"binary"
+    assert len([*(tmp_path / "kernels").iterdir()]) == 1
 
 
 def test_what_there_is_no_gpu_for():
