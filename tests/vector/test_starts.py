@@ -18,10 +18,10 @@ def _many(monkeypatch):
     monkeypatch.setattr(initial_states, "num_cores", lambda: 1)
 
 
-def _make(number):
+def _make(number, horizon=2):
     split = [*range(2 * MANY)]
     return softgym_mj.make_vec(
-        "straighten_rope", number, device="host", split=split, horizon=2, fidelity="fast"
+        "straighten_rope", number, device="host", split=split, horizon=horizon, fidelity="fast"
     )
 
 
@@ -60,6 +60,17 @@ def test_few_environments_and_given_variations_read_what_they_play(monkeypatch):
     envs.reset(options={"variation": [i % 5 for i in range(MANY)]})
     assert sorted(seen) == [*range(5)]
     envs.close()
+
+
+def test_a_process_keeps_one_environment_that_reads_starts(monkeypatch, tmp_path):
+    monkeypatch.setenv("SOFTGYM_MJ_CACHE", str(tmp_path))  # No start is stored.
+    initial_states._opened.cache_clear()
+    for horizon in (2, 3):
+        envs = _make(MANY, horizon)
+        envs.reset(seed=0)  # Reads all of the split, in two calls.
+        envs.close()
+    found = initial_states._opened.cache_info()
+    assert (found.misses, found.hits, found.currsize) == (2, 2, 1)
 
 
 def test_distances_of_all_meshes_stay_where_they_are_found():

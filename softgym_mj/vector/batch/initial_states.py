@@ -80,7 +80,7 @@ def read_starts(
     return found, failure
 
 
-@functools.cache
+@functools.lru_cache(maxsize=1)
 def _opened(pickled: bytes) -> tuple[Environment, BatchPhysics, Cameras]:
     make, kind, names = pickle.loads(pickled)
     with blank_images():
