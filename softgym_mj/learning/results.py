@@ -135,8 +135,10 @@ _METHOD = _parser(
 _COUNT = _parser(int, "a whole number, 0 or more", lambda value: value >= 0)
 _SCORE = _parser(float, "a finite number", math.isfinite)
 _PARSERS: dict[str, _Parser] = {
+    # Custom tasks are registered later.
+    "task": _parser(str, ", ".join(TASKS), lambda name: name in TASKS),
     "method": _METHOD,
-    **dict.fromkeys(("task", "actor", "observation", "preset", "replay"), _WORD),
+    **dict.fromkeys(("actor", "observation", "preset", "replay"), _WORD),
     **dict.fromkeys(("seed", "env_steps", "updates", "episodes"), _COUNT),
     "seconds": _parser(float, "0 or more, or nothing", lambda value: 0 <= value < math.inf),
     "split": _one_of("train", "evaluate"),
