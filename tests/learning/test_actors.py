@@ -128,10 +128,13 @@ def test_queued_runs_have_an_actor(monkeypatch):
     assert not shorter.is_done([_row(custom, env_steps=1_024_000)])
     planner = QueuedRun("straighten_rope", "cem", "paper", 1, "", "franka", gpu_minutes=1)
     assert "--episodes 200 --actor franka --device" in planner.command
-    monkeypatch.setattr(learned, "rows", lambda: [_row(ABSTRACT), _row(FRANKA)])
     monkeypatch.setattr(published_commands, "read_queue", lambda file: [run])
+    monkeypatch.setattr(learned, "rows", lambda: [_row(FRANKA)])
     (line,) = published_commands.commands().splitlines()[2:]
     assert line == f"| `straighten_rope`, `franka` | `{run.command}` |"
+    monkeypatch.setattr(learned, "rows", lambda: [_row(ABSTRACT), _row(FRANKA)])
+    with pytest.raises(InvalidArgumentError, match="of a run in queue"):
+        published_commands.commands()
 
 
 # ---------------------------------------------------------------------- policies
