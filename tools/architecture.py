@@ -6,7 +6,8 @@ import pathlib
 LAYERS = [
     {"assets", "exceptions"},
     {"native", "validation", "parallel"},
-    {"batch", "storage"},
+    {"storage"},
+    {"batch"},
     {"metrics", "rendering", "variations", "cloth"},
     {"fluid", "entities"},
     {"robots", "reality"},

@@ -8,7 +8,6 @@ import contextlib
 import functools
 import hashlib
 import logging
-import os
 import pathlib
 import time
 import warnings
@@ -18,8 +17,9 @@ from typing import Any
 import numpy as np
 
 from softgym_mj.batch.device import Copy, Device
-from softgym_mj.exceptions import UnavailableError, check_name, install_extra
+from softgym_mj.exceptions import StoreError, UnavailableError, check_name, install_extra
 from softgym_mj.native.caches import ADVICE, cache_folder
+from softgym_mj.storage.files import write_whole
 
 # Ends of the names of variants: cloth and rope with solids, also with meshes and heightfields, and
 # water that pushes walls.
@@ -99,12 +99,9 @@ def compiled(name: str, architecture: str) -> bytes:
     code = core.Program(f'#include "{file}"\n', "c++", options).compile("cubin").code
     _log.info("It took %.0f s", time.perf_counter() - start)
     try:
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        whole = kept.with_suffix(f".{os.getpid()}")
-        whole.write_bytes(code)
-        whole.replace(kept)
-    except OSError as error:
-        warnings.warn(f"{kept} cannot be written: {error.strerror}. {ADVICE}", stacklevel=2)
+        write_whole(kept, code)
+    except StoreError as error:
+        warnings.warn(f"{error}. {ADVICE}", stacklevel=2)
     return code
 
 
