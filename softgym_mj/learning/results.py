@@ -6,7 +6,7 @@ import io
 import math
 import pathlib
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -121,7 +121,7 @@ def _parser(
     return parsed, valid
 
 
-def _one_of(*names: str) -> _Parser:
+def _one_of(names: Collection[str]) -> _Parser:
     return _parser(str, ", ".join(names), names.__contains__)
 
 
@@ -135,18 +135,17 @@ _METHOD = _parser(
 _COUNT = _parser(int, "a whole number, 0 or more", lambda value: value >= 0)
 _SCORE = _parser(float, "a finite number", math.isfinite)
 _PARSERS: dict[str, _Parser] = {
-    # Custom tasks are registered later.
-    "task": _parser(str, ", ".join(TASKS), lambda name: name in TASKS),
+    "task": _one_of(TASKS),  # Custom tasks are added later.
     "method": _METHOD,
     **dict.fromkeys(("actor", "observation", "preset", "replay"), _WORD),
     **dict.fromkeys(("seed", "env_steps", "updates", "episodes"), _COUNT),
     "seconds": _parser(float, "0 or more, or nothing", lambda value: 0 <= value < math.inf),
-    "split": _one_of("train", "evaluate"),
+    "split": _one_of(("train", "evaluate")),
     **dict.fromkeys(("normalized_performance", "value"), _SCORE),
     "success": _parser(float, "a number in 0..1", lambda value: 0 <= value <= 1),
     "final": _parser({"0": False, "1": True}.__getitem__, "0 or 1"),
-    "bound": _one_of("is", "below"),
-    "certainty": _one_of("number", "plot", "text"),
+    "bound": _one_of(("is", "below")),
+    "certainty": _one_of(("number", "plot", "text")),
     "source": _parser(str, "words", bool),
 }
 
