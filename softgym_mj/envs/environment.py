@@ -106,6 +106,11 @@ class Environment(SimulatedEnvironment):
 
     # ------------------------------------------------------------------ episodes
 
+    @property
+    def is_running(self) -> bool:
+        """Whether an episode runs; without one, `step` resets."""
+        return not self._reset_next_step
+
     def reset(self, variation: int | None = None) -> dm_env.TimeStep:
         """Starts an episode.
 

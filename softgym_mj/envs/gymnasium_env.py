@@ -118,7 +118,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         self.dm_env = load(task, split=split, horizon=horizon, **task_kwargs)
         check_name("camera", camera, camera_ids(self.dm_env.physics.model.ptr))
         self._view = CameraView(camera, *render_size)
-        self._running = self._closed = False
+        self._closed = False
         self.metadata = {**self.metadata, "render_fps": round(self.dm_env.frame_rate, 3)}
         spaces: dict[str, gymnasium.Space] = {
             name: space_of(spec) for name, spec in self.dm_env.observation_spec().items()
@@ -176,11 +176,9 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         variation = options.get("variation")
         if variation is None:
             variation = draw_variation(self.np_random, self.dm_env.variations)
-        check_variation(variation)
         # As in the workers of `VectorEnv`, which get no seeds.
-        self.dm_env.random_state.seed([_HOOKS_KEY, variation])
+        self.dm_env.random_state.seed([_HOOKS_KEY, check_variation(variation)])
         timestep = self.dm_env.reset(variation)
-        self._running = True
         return self._convert(timestep.observation), self._info()
 
     def step(self, action: np.ndarray):
@@ -196,11 +194,10 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         self._check_open()
         if self.clip_actions:
             action = self._clipped(action)
-        if not self._running or self.dm_env.current_variation is None:
+        if not self.dm_env.is_running:
             raise LifecycleError("no episode is running: call reset() before step()")
         timestep = self.dm_env.step(action)
         ended = timestep.last()
-        self._running = not ended
         terminated = bool(ended and timestep.discount == 0.0)
         observation = self._convert(timestep.observation)
         truncated = ended and not terminated
@@ -253,7 +250,6 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         snapshot, generator = checked_state(state)
         self.dm_env.set_state(snapshot)
         self.np_random.bit_generator.state = generator
-        self._running = not snapshot.ended
         return self._convert(self.dm_env.observation()), self._info()
 
     def __getstate__(self) -> dict[str, Any]:
