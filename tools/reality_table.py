@@ -12,7 +12,7 @@ DOCS = pathlib.Path(__file__).parent.parent / "docs"
 _FRONTS = "koshizuka_oka", "martin_moyce_29", "martin_moyce_57"
 _TANKS = "faltinsen", "bouscasse"
 _BOX = ("spheric_2",)
-PLAIN, TASK = "water without wall friction", "water of TransportWater"
+_PLAIN, _TASK = "water without wall friction", "water of TransportWater"
 
 
 def summary() -> str:
@@ -60,7 +60,7 @@ def _millimeters(material: str, name: str) -> dict[str, str]:
 
 def _waters(experiments: Sequence[str], quantity: str) -> list[str]:
     """Cells of one guess, of nothing that was identified, and of the tasks' water."""
-    plain, task = (_water(experiments, quantity, solution) for solution in (PLAIN, TASK))
+    plain, task = (_water(experiments, quantity, solution) for solution in (_PLAIN, _TASK))
     return [plain, "", task]
 
 
