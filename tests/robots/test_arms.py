@@ -6,6 +6,7 @@ from unittest import mock
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from softgym_mj.exceptions import InvalidArgumentError, SnapshotError
 from tests.contract.test_contract import make
@@ -44,6 +45,23 @@ def test_pickers_have_no_grasps_and_there_are_no_three_arms():
         make("fold_cloth/picker", grasp="attach")
     with pytest.raises(InvalidArgumentError, match="arms"):
         make("straighten_rope/franka", arms=3)
+
+
+@pytest.mark.parametrize(
+    "case", ["fold_cloth/franka", "straighten_rope/sawyer", "pour_water/franka"]
+)
+def test_quaternions_of_tools_are_their_orientations_and_do_not_jump(case):
+    env = make(case, observation="proprioception")
+    actor, before = env.task.actor, None
+    number = actor.servos.number
+    env.reset(800)
+    for action in np.random.default_rng(0).uniform(-1.0, 1.0, (25, *env.action_spec().shape)):
+        seen = env.step(action).observation["proprioception"]
+        own = seen[3 * number :].reshape(number, -1)[:, :4]
+        turned = Rotation.from_quat(own, scalar_first=True).as_matrix()
+        np.testing.assert_allclose(turned, actor.servos.rotations(), atol=1e-12)
+        assert before is None or ((own * before).sum(axis=1) > 0.9).all()
+        before = own
 
 
 @cases

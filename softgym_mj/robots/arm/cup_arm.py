@@ -9,6 +9,7 @@ from dm_control import composer, mjcf
 from softgym_mj.entities.cup import GRIP
 from softgym_mj.native.arithmetic import product
 from softgym_mj.robots.arm import bodies as arm_bodies
+from softgym_mj.robots.arm import turns
 from softgym_mj.robots.arm.actor import ArmActor
 from softgym_mj.robots.arm.cartesian import LEAD
 from softgym_mj.robots.arm.command_filter import CommandFilter, clipped
@@ -32,6 +33,7 @@ def turned(theta: float) -> np.ndarray:
 
 # Axes of the tool that holds an upright cup, as columns: it points along -Y and closes along X.
 UPRIGHT = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
+ORIENTED = turns.signed(UPRIGHT)[None]  # The same as a quaternion (1, 4).
 
 
 class CupArm(ArmActor, CupMover):
@@ -66,7 +68,9 @@ class CupArm(ArmActor, CupMover):
         self.mount = Mount((base_x, GRIP[1] + arm.standoff, 0.0), -math.pi / 2, *arm.reach)
         arm_bodies.add_arms(self._mjcf_root, arm, [self.mount], visual=visual)
         home = np.array(arm.home_cup)
-        self.servos = JointServos(arm, [self.mount], home, orientation_cost=ORIENTATION_COST)
+        self.servos = JointServos(
+            arm, [self.mount], home, orientation_cost=ORIENTATION_COST, oriented=ORIENTED
+        )
         # Entries are clipped separately, so that a lag along X causes no lift or rotation.
         self._filtered_command = CommandFilter(1, clipped)
         (name,) = arm_bodies.names(arm, 1)

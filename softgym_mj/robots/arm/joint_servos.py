@@ -7,6 +7,7 @@ import numpy as np
 
 from softgym_mj.native.arithmetic import product
 from softgym_mj.robots.arm import bodies as arm_bodies
+from softgym_mj.robots.arm import turns
 from softgym_mj.robots.arm.cartesian import ORIENTATION_COST, PERIOD, CartesianController
 from softgym_mj.robots.arm.fingers import Fingers
 from softgym_mj.robots.arm.models import Arm
@@ -36,6 +37,7 @@ class JointServos:
         home: np.ndarray,
         tips: float = 0.0,
         orientation_cost: float = ORIENTATION_COST,
+        oriented: np.ndarray | None = None,
     ):
         """Sets up the controller.
 
@@ -45,6 +47,7 @@ class JointServos:
             home: joint angles (joints,) [rad] of the posture task.
             tips: as in `arm_bodies.kinematic_model`.
             orientation_cost: as in `CartesianController`.
+            oriented: usual orientations of the tools, as quaternions (n, 4); by default at home.
         """
         number = len(mounts)
         self._arm, self.number, self.joints = arm, number, arm.joints
@@ -65,6 +68,14 @@ class JointServos:
         self._posture = mujoco.MjData(model)
         self._sites = [model.site(tool).id for tool in tools]
         self._phase = 0  # Sim steps since the controller's last solution.
+        self._oriented = self._at_home(home, mounts) if oriented is None else oriented
+
+    def _at_home(self, home: np.ndarray, mounts: Sequence[Mount]) -> np.ndarray:
+        """Returns the orientations of the tools at home, as quaternions (n, 4)."""
+        self.points_at(np.tile(home, self.number))
+        (facing,) = turns.matrices(turns.quaternions(np.array([[0.0, 0.0, mounts[0].yaw]])))
+        upright = product(facing.T, self.rotations()[0])
+        return turns.at_mounts(upright, [mount.yaw for mount in mounts])
 
     def bind(self, model: mujoco.MjModel, data: mujoco.MjData, actor: str) -> None:
         """Finds the joints of the arms in a scene and tunes their servos.
@@ -154,13 +165,12 @@ class JointServos:
         """Returns the proprioception of n arms (n (8 + 2 joints),).
 
         The tool points (x, y, z each) [m]; then for each arm the quaternion (w, x, y, z) of its
-        tool, its opening [m], the joint positions [rad] and velocities [rad/s].
+        tool, its opening [m], the joint positions [rad] and velocities [rad/s]. Of both quaternions
+        of an orientation it is the one nearer to the tool's usual one, so that it does not jump.
         """
-        points, quaternions = self.points(), np.empty((self.number, 4))
-        for quaternion, rotation in zip(quaternions, self.rotations(), strict=True):
-            mujoco.mju_mat2Quat(quaternion, rotation.ravel())
+        points = self.points()
         own = [
-            quaternions,
+            turns.nearest(turns.from_matrices(self.rotations()), self._oriented),
             self.fingers.openings[:, None],
             self._data.qpos[self.positions_at].reshape(self.number, -1),
             self._data.qvel[self.speeds_at].reshape(self.number, -1),

@@ -3,6 +3,9 @@
 MuJoCo's functions are used because their bits do not depend on the processor.
 """
 
+import math
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 
@@ -43,6 +46,32 @@ def from_matrices(matrices: np.ndarray) -> np.ndarray:
     for turn, matrix in zip(turns, matrices, strict=True):
         mujoco.mju_mat2Quat(turn, matrix.ravel())
     return turns
+
+
+def at_mounts(upright: np.ndarray, yaws: Sequence[float]) -> np.ndarray:
+    """Returns quaternions (n, 4) of tools on mounts that are turned by `yaws` [rad] about Z.
+
+    Args:
+        upright: orientation of a tool in the frame of its mount (3, 3).
+        yaws: directions that the mounts face [rad].
+    """
+    own = signed(upright)
+    facing = np.array([[math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)] for yaw in yaws])
+    return compose(facing, np.tile(own, (len(facing), 1)))
+
+
+def signed(matrix: np.ndarray) -> np.ndarray:
+    """Returns the unit quaternion (4,) of a rotation matrix (3, 3) whose first entry is positive.
+
+    Entries below 0.1 do not count: rounding may change their sign.
+    """
+    (turn,) = from_matrices(matrix[None])
+    return turn * np.sign(turn[np.argmax(np.abs(turn) > 0.1)])
+
+
+def nearest(turns: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Returns unit quaternions (n, 4) with the signs that are nearer to others (n, 4)."""
+    return turns * np.where((turns * others).sum(-1, keepdims=True) < 0.0, -1.0, 1.0)
 
 
 def matrices(turns: np.ndarray) -> np.ndarray:

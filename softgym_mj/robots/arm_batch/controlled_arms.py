@@ -76,8 +76,10 @@ class ControlledArms:
         chain = self._dynamics.chain
         points, rotations, _ = inverse_kinematics.hands(self.kinematics, chain, pose, state.speeds)
         joints, fingers = jnp.split(state.positions, [self._joints], axis=1)
+        turns, oriented = hands.quaternions(rotations), self.kinematics.oriented
+        nearer = jnp.where((turns * oriented).sum(-1, keepdims=True) < 0.0, -turns, turns)
         own = (
-            hands.quaternions(rotations), fingers.sum(1, keepdims=True),
+            nearer, fingers.sum(1, keepdims=True),
             joints, state.speeds[:, : self._joints],
         )  # fmt: skip
         return jnp.concatenate([points.ravel(), jnp.concatenate(own, axis=1).ravel()])

@@ -10,7 +10,7 @@ import numpy as np
 from softgym_mj.entities.cup import GRIP
 from softgym_mj.robots.arm import turns
 from softgym_mj.robots.arm.command_filter import clipped
-from softgym_mj.robots.arm.cup_arm import ORIENTATION_COST, TURNS_AS, UPRIGHT, CupArm
+from softgym_mj.robots.arm.cup_arm import ORIENTATION_COST, ORIENTED, TURNS_AS, UPRIGHT, CupArm
 from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.arm.mounts import Mount
 from softgym_mj.robots.arm_batch import chain as chains
@@ -185,7 +185,7 @@ class CupArms(ControlledArms):
         with jax.enable_x64(True):
             home = np.array(arm.home_cup)
             kinematics = inverse_kinematics.kinematics_of(
-                arm, (mount,), home=home, orientation_cost=ORIENTATION_COST
+                arm, (mount,), home=home, orientation_cost=ORIENTATION_COST, oriented=ORIENTED
             )
             super().__init__(arm, kinematics, CupActionSpace(kinematics))
         self.solve = jax.jit(jax.vmap(self._solved))

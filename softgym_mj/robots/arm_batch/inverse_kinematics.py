@@ -28,6 +28,7 @@ class Kinematics(NamedTuple):
         tool_rotation: rotation of the tool in its body (3, 3).
         tool_body: body of the tool.
         upright: rotation of the tool at home in the mount's frame (3, 3).
+        oriented: usual orientations of the tools, as quaternions (arms, 4).
         home: joint angles at home (m,) [rad].
         costs: costs of the tools' positions [1/m] and orientations [1/rad] (6,).
         low, high: limits of joints (m,) [rad].
@@ -42,6 +43,7 @@ class Kinematics(NamedTuple):
     tool_rotation: np.ndarray
     tool_body: int
     upright: np.ndarray
+    oriented: np.ndarray
     home: np.ndarray
     costs: np.ndarray
     low: np.ndarray
@@ -72,13 +74,14 @@ def kinematics_of(
     tips: float = 0.0,
     home: np.ndarray | None = None,
     orientation_cost: float = cartesian.ORIENTATION_COST,
+    oriented: np.ndarray | None = None,
 ) -> Kinematics:
     """Returns the kinematics of arms.
 
     Args:
         arm: kind of arm.
         mounts: bases of the arms.
-        tips, orientation_cost: as in `JointServos`.
+        tips, orientation_cost, oriented: as in `JointServos`.
         home: joint angles at home (m,) [rad]; None for `bodies.home`.
     """
     home = bodies.home(arm) if home is None else home
@@ -93,12 +96,16 @@ def kinematics_of(
     zero = np.zeros_like(cos)
     yaw = np.stack([cos, -sin, zero, sin, cos, zero, zero, zero, zero + 1.0], axis=1)
     body = int(site.bodyid[0])
+    upright = np.asarray(pose.rotation[body]) @ turn
+    if oriented is None:
+        oriented = turns.at_mounts(upright, [mount.yaw for mount in mounts])
     return Kinematics(
         chain=chain,
         tool=site.pos.copy(),
         tool_rotation=turn,
         tool_body=body,
-        upright=np.asarray(pose.rotation[body]) @ turn,
+        upright=upright,
+        oriented=oriented,
         home=home,
         costs=np.repeat([cartesian.POSITION_COST, orientation_cost], 3),
         low=low.copy(),
