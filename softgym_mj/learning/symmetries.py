@@ -1,12 +1,10 @@
 """Symmetries of tasks: transformations of env steps that leave rewards and dynamics unchanged.
 
-They rotate or reflect a task, reverse a rope or exchange pickers, and multiply the data of a
+They rotate or reflect a task, reverse a rope or exchange grippers, and multiply the data of a
 replay. `Task.symmetries` lists those of a task.
 """
 
-import itertools
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,8 +13,10 @@ from scipy.linalg import block_diag
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.robots.gripper import HELD
+from softgym_mj.robots.symmetry import ActorSymmetry, blocks
 from softgym_mj.tasks.shared.entries import Entries
 from softgym_mj.tasks.shared.observations import names_of
+from softgym_mj.tasks.shared.symmetry import Turned
 
 
 class Symmetry(NamedTuple):
@@ -26,7 +26,7 @@ class Symmetry(NamedTuple):
         observation: Matrix (n, n) of an observation.
         action: Matrix (m, m) of actions.
         turn, order: Fields of `tasks.shared.symmetry.Turned`.
-        pickers: Order of the pickers.
+        pickers: Order of the grippers.
     """
 
     observation: np.ndarray
@@ -55,7 +55,7 @@ def check_observed(observed: str | tuple[str, ...]) -> None:
 
 
 def symmetries(env: Environment, *observed: str) -> list[Symmetry]:
-    """Returns the symmetries of a task with pickers; the first one is the identity.
+    """Returns the symmetries of a task with pickers or arms; the first one is the identity.
 
     Args:
         env: Environment of the task after a reset.
@@ -67,43 +67,34 @@ def symmetries(env: Environment, *observed: str) -> list[Symmetry]:
     task = env.task
     if not task.symmetries:
         raise InvalidArgumentError("task", env.name, SYMMETRIC)
-    if task.actor.name != "picker":
-        valid = f"'picker', as others have no symmetries; or {WITHOUT}"
-        raise InvalidArgumentError("actor", task.actor.name.split("/")[0], valid)
-    number = task.actor.num_grippers
-    orders = [tuple(range(number)), tuple(reversed(range(number)))][: min(number, 2)]
     state = task.scene.state()
     reduced, key_points = (find(state, task.episode) for find in (task.reduced, task.key_points))
 
-    def of_observation(
-        name: str, turn: np.ndarray, order: str, pickers: Sequence[int]
-    ) -> np.ndarray:
+    def of_observation(name: str, turned: Turned, own: ActorSymmetry) -> np.ndarray:
         if name == "proprioception":
-            return _blocks([turn] * number, pickers)
+            return own.sensed
         if name == HELD:
-            return _blocks([np.eye(1)] * number, pickers)
-        if name == "key_points":
-            return _of_observation(key_points, turn, order, pickers)
-        result = _of_observation(reduced, turn, order, pickers)
-        if name == "reduced":
-            return result
-        # For each picker: whether it holds a vertex, and its offset to that vertex.
-        return block_diag(result, _blocks([block_diag(1.0, turn)] * number, pickers))
+            return blocks([np.eye(1)] * len(own.order), own.order)
+        points = _of_points(key_points if name == "key_points" else reduced, *turned)
+        result = block_diag(points, own.sensed)
+        return block_diag(result, own.remembered) if name == "markov" else result
 
-    return [
+    found = [
         Symmetry(
-            block_diag(*(of_observation(name, turn, order, pickers) for name in observed)),
-            _blocks([block_diag(turn, 1.0)] * number, pickers),
-            turn, order, pickers,
+            block_diag(*(of_observation(name, turned, own) for name in observed)),
+            own.action, turned.turn, turned.order, own.order,
         )
-        for (turn, order), pickers in itertools.product(task.symmetries, orders)
+        for turned in task.symmetries
+        for own in task.actor.symmetries(turned.turn)
     ]  # fmt: skip
+    if not found:
+        valid = f"pickers, or arms that act by positions: others have no symmetries; or {WITHOUT}"
+        raise InvalidArgumentError("actor", task.actor.name.split("/")[0], valid)
+    return found
 
 
-def _of_observation(
-    entries: Entries, turn: np.ndarray, order: str, pickers: Sequence[int]
-) -> np.ndarray:
-    """Returns the matrix (n, n) of these entries and the pickers' positions."""
+def _of_points(entries: Entries, turn: np.ndarray, order: str) -> np.ndarray:
+    """Returns the matrix (n, n) of these entries."""
     places: list[int] = []  # New order of the points.
     each = [*entries.items()]
     own = [i for i, (_, entry) in enumerate(each) if entry.role == "object"]
@@ -127,14 +118,4 @@ def _of_observation(
         else:
             valid = f"one point for each of four corners, or a square, as order {order!r} needs"
             raise InvalidArgumentError("reduced", name, valid)
-    places += [starts[-1] + k for k in pickers]
-    return _blocks([turn] * len(places), places)
-
-
-def _blocks(parts: Sequence[np.ndarray], order: Sequence[int]) -> np.ndarray:
-    """Returns a matrix (n k, n k) with block i (k, k) at row i and column order[i]."""
-    size = len(parts[0])
-    result = np.zeros((len(parts) * size,) * 2)
-    for i, (part, k) in enumerate(zip(parts, order, strict=True)):
-        result[i * size : (i + 1) * size, k * size : (k + 1) * size] = part
-    return result
+    return blocks([turn] * len(places), places)

@@ -1,6 +1,7 @@
 """`Actor`: interface that turns an agent's action into motion; all that environments use."""
 
 import abc
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from softgym_mj.entities.entity import Entity
 from softgym_mj.entities.flex_group import FlexGroup
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.rendering.observables import wrist_observables
+from softgym_mj.robots.symmetry import ActorSymmetry
 from softgym_mj.robots.workspace import ToolStart
 from softgym_mj.validation import as_array
 
@@ -130,6 +132,14 @@ class Actor(abc.ABC):
     def remembers(self) -> dict[str, int]:
         """Number of entries of `remembered` by name and unit, in order."""
         return {}
+
+    def symmetries(self, turn: np.ndarray) -> Sequence[ActorSymmetry]:
+        """Returns transformations of the actor that go with one of the world; () for none.
+
+        Args:
+            turn: matrix (3, 3) that transforms positions in the world.
+        """
+        return ()
 
     @abc.abstractmethod
     def diagnostics(self) -> dict[str, float | int]:

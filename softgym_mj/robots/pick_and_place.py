@@ -120,6 +120,9 @@ class RoutePicker(Picker):
         self._route: list[GripCommand] = []
         self._next = 0
 
+    def symmetries(self, turn: np.ndarray) -> tuple[()]:
+        return ()
+
     def place(self, positions: np.ndarray, workspace: Workspace) -> None:
         super().place(positions, workspace)
         self.sim_steps = 0

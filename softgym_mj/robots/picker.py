@@ -14,6 +14,7 @@ from softgym_mj.rendering.look import GRAPHITE, SIGNAL, STEEL
 from softgym_mj.robots.grip import GripLimits
 from softgym_mj.robots.gripper import Gripper
 from softgym_mj.robots.holding import Attachment
+from softgym_mj.robots.symmetry import ActorSymmetry, gripper_symmetry
 from softgym_mj.robots.workspace import Workspace
 
 # [kg] Pickers are driven by their velocity, which contacts take into account; a mocap body counts
@@ -157,6 +158,10 @@ class Picker(Gripper):
         np.subtract(position, self.slides, out=self.slide_velocities)
         self.slide_velocities /= timestep
         self._holding.drive(position, timestep)
+
+    def symmetries(self, turn: np.ndarray) -> Sequence[ActorSymmetry]:
+        order = range(self.num_grippers)
+        return [gripper_symmetry(turn, each) for each in (order, order[::-1])[: len(order)]]
 
     def held_positions(self) -> np.ndarray:
         """Returns the targets of held vertices (num_pickers, 3) [m]; NaN for none."""

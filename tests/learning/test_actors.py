@@ -68,7 +68,6 @@ def test_the_command_takes_the_actor_from_the_arguments_of_the_task():
 
 
 def test_the_teacher_of_an_arm_learns_without_symmetries():
-    """With them it could not be made: `symmetries` raises for arms."""
     small = {"random_steps": 16, "replay": 64}
     settings = TeacherStudentSettings(hidden=(8,), buffer=32, teacher_env_steps=128,
                                       teacher_settings=small)  # fmt: skip

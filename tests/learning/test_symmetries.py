@@ -125,6 +125,36 @@ def test_dynamics_follow(task):
         np.testing.assert_allclose(seen, symmetry.observation @ expected, atol=2e-3)
 
 
+@pytest.mark.parametrize("task", ["straighten_rope", "fold_cloth"])
+def test_arms_follow_a_half_turn(task):
+    env = softgym_mj.load(task, split="all", actor="franka")
+    env.reset(807)
+    result = symmetries(env, "markov")
+    assert [each.pickers for each in result] == [(0, 1), (0, 1), (1, 0), (1, 0)]
+    actor, workspace = env.task.actor, env.task.workspace
+    (thing,) = env.task.scene.materials.values()
+    actions = np.random.default_rng(1).uniform(-1.0, 1.0, (6, *env.action_spec().shape))
+    actions[:, 2::4] = -1.0  # Hands go down.
+
+    def played(symmetry, grip):
+        actions[:, 3::4] = grip
+        env.reset(807)
+        points = thing.points()[_ordered(env, symmetry.order)] @ symmetry.turn.T
+        actor.place(actor.positions()[list(symmetry.pickers)] @ symmetry.turn.T, workspace)
+        thing.set_points(points)
+        for action in actions:
+            env.step(symmetry.action @ action)
+        return env.task.observe("markov")
+
+    # With another order of vertices, pulled points are solved in another order.
+    for grip, own in ((-1.0, result), (1.0, result[::2])):
+        expected = played(result[0], grip)
+        assert (actor.held.max() >= 0) == (grip > 0.0)
+        for symmetry in own:
+            seen = played(symmetry, grip)
+            np.testing.assert_allclose(seen, symmetry.observation @ expected, atol=1e-4)
+
+
 def test_symmetries_make_a_group():
     result = symmetries(_env("straighten_rope"), "reduced")
     matrices = {np.round(s.observation).astype(int).tobytes() for s in result}
@@ -140,10 +170,11 @@ def test_what_has_none_is_refused():
     env.reset(3)
     with pytest.raises(InvalidArgumentError, match="task='pour_water'"):
         symmetries(env, "reduced")
-    env = softgym_mj.load("straighten_rope", split="all", actor="pick_and_place")
-    env.reset(3)
-    with pytest.raises(InvalidArgumentError, match="actor='pick_and_place'"):
-        symmetries(env, "reduced")
+    for own in ({"actor": "pick_and_place"}, {"actor": "franka", "action": "joints"}):
+        env = softgym_mj.load("straighten_rope", split="all", **own)
+        env.reset(3)
+        with pytest.raises(InvalidArgumentError, match=f"actor='{own['actor']}'"):
+            symmetries(env, "reduced")
 
 
 def test_the_custom_task_of_the_docs_is_the_same_in_all_its_forms():

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from dm_control import mjcf
+from scipy.linalg import block_diag
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.robots.arm import bodies as arm_bodies
@@ -17,10 +18,11 @@ from softgym_mj.robots.arm.grasps import GRASPS, PICK_DISTANCE, AttachGrasp, Fri
 from softgym_mj.robots.arm.joint_action import JointAction
 from softgym_mj.robots.arm.joint_servos import JointServos
 from softgym_mj.robots.arm.models import ARMS, Arm
-from softgym_mj.robots.arm.mounts import Mount, facing_each_other
+from softgym_mj.robots.arm.mounts import Mount, exchanged, facing_each_other
 from softgym_mj.robots.arm.pose_action import PoseAction
 from softgym_mj.robots.arm.position_action import PositionAction
 from softgym_mj.robots.gripper import Gripper
+from softgym_mj.robots.symmetry import ActorSymmetry, blocks, gripper_symmetry
 from softgym_mj.robots.workspace import Workspace
 from softgym_mj.validation import as_finite
 
@@ -233,6 +235,15 @@ class Arms(ArmActor, Gripper):
     @property
     def remembers(self) -> dict[str, int]:
         return super().remembers | self._filtered_command.remembers
+
+    def symmetries(self, turn: np.ndarray) -> list[ActorSymmetry]:
+        order = exchanged(self.mounts, turn)
+        if order is None or self._filtered_command.name != PositionAction.name:
+            return []
+        own = gripper_symmetry(turn, order)
+        commanded = blocks([turn] * len(order), order)
+        sensed = block_diag(own.sensed, self.servos.turned(turn, order))
+        return [own._replace(sensed=sensed, remembered=block_diag(own.remembered, commanded))]
 
     def diagnostics(self) -> dict[str, float | int]:
         return {**super().diagnostics(), "at_reach": self.at_reach}

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 
 import mujoco
 import numpy as np
+from scipy.linalg import block_diag
 
 from softgym_mj.native.arithmetic import product
 from softgym_mj.robots.arm import bodies as arm_bodies
@@ -13,6 +14,7 @@ from softgym_mj.robots.arm.fingers import Fingers
 from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.arm.mounts import Mount
 from softgym_mj.robots.base import SIM_STEP
+from softgym_mj.robots.symmetry import blocks
 
 SOLVE_EVERY = round(PERIOD / SIM_STEP)  # Sim steps between solutions of the controller.
 
@@ -190,6 +192,20 @@ class JointServos:
         return {f"arm {i}, tool point (x, y, z) [m]": 3 for i in range(number)} | {
             f"arm {i}, {name}": size for i in range(number) for name, size in own.items()
         }
+
+    def turned(self, turn: np.ndarray, order: Sequence[int]) -> np.ndarray:
+        """Returns the matrix of `sensed`, without tool points, under a half turn or none.
+
+        Args:
+            turn: matrix (3, 3) of the rotation about Z.
+            order: for each arm, which one it was before.
+        """
+        w, _, _, z = turns.signed(turn)
+        times = np.array([[w, 0, 0, -z], [0, w, -z, 0], [0, z, w, 0], [z, 0, 0, w]])  # Product.
+        usual = self._oriented
+        signs = np.sign((usual * (usual[list(order)] @ times.T)).sum(-1))
+        others = np.eye(1 + 2 * len(self.joints))
+        return blocks([block_diag(sign * times, others) for sign in signs], order)
 
     def get_state(self) -> dict[str, np.ndarray]:
         """Returns the state for snapshots, including the controller's."""

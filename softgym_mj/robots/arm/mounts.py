@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -73,3 +74,26 @@ def facing_each_other(
         Mount((0.0, distance, height), -math.pi / 2, inner, outer),
     )
     return mounts[:number]
+
+
+def exchanged(mounts: Sequence[Mount], turn: np.ndarray) -> list[int] | None:
+    """Returns for each mount which one becomes it if the world is turned; None if not all do.
+
+    Args:
+        mounts: mounts of arms of a kind.
+        turn: matrix (3, 3) that transforms positions in the world.
+    """
+    if np.linalg.det(turn) < 0.0:  # No arm is its own mirror image.
+        return None
+
+    def placed(mount: Mount) -> np.ndarray:
+        return np.array([mount.base, (math.cos(mount.yaw), math.sin(mount.yaw), 0.0)])
+
+    places = [placed(mount) for mount in mounts]
+    order = []
+    for place in places:
+        same = [np.allclose(place, other @ turn.T, atol=1e-9) for other in places]
+        if not any(same):
+            return None
+        order.append(same.index(True))
+    return order
