@@ -34,7 +34,8 @@ SIZES = "Sizes of actions and states, and the length of an episode, with the tas
 STATE_SIZES = "reduced", "markov", "key_points", "full"
 STATES = "States are float64 in dm_env and float32 in Gymnasium.\n"
 PROPRIOCEPTION = """`reduced` and `full` end with these entries, except for the actor `cup`.
-`pixel_pick_and_place` has those of gripper 0 of `picker`, also in `markov`.
+`pixel_pick_and_place` has those of gripper 0 of `picker`, also in `markov`. Of the quaternions q
+and -q of a tool, the one nearer to its orientation at home is observed: entries do not jump.
 """
 MARKOV = """`markov` is `reduced`, then the actor's internal state. Indices count from the first
 entry after `reduced`. The tables of arms are for `action="position"`. With `"pose"` the commanded
