@@ -174,23 +174,35 @@ def test_the_overview_is_there_once_something_was_learned(monkeypatch):
     ]
     monkeypatch.setattr(learned, "rows", lambda: [*planned, *worse, *_training()])
     head, _, *rows = learned.overview().splitlines()[:4]
-    images = "on images + proprioception | on images alone"
-    assert head == f"| task | no action | policy on states | {images} | CEM |"
+    states, images = (
+        "RL on states | imitated expert, states",
+        "images + proprioception | images alone",
+    )
+    assert head == f"| task | no action | {states} | {images} | CEM |"
     best = "0.50 (0.40 to 0.90)<br>SAC; success 0.40"
     assert rows == [
-        "| `fold_cloth` | 0.25 | | | | 0.90<br>success 1.00 |",
-        f"| `straighten_rope` | | {best} | | | |",
+        "| `fold_cloth` | 0.25 | | | | | 0.90<br>success 1.00 |",
+        f"| `straighten_rope` | | {best} | | | | |",
     ]
     short = learned.summary().splitlines()[2:4]
-    cells = "| `fold_cloth` | 0.25 | | | | 0.90 |", "| `straighten_rope` | | 0.50 SAC | | | |"
-    assert short == [*cells]
+    assert short == [
+        "| `fold_cloth` | 0.25 | | | | | 0.90 (100%) |",
+        "| `straighten_rope` | | 0.50 (40%) SAC | | | | |",
+    ]
     alone = [row for row in _training() if not row.seed]
     monkeypatch.setattr(learned, "rows", lambda: alone)
     assert "SAC, 1 seed; success" in learned.overview()
-    for observation, cells in (("rgb+held", "| | {} | | |"), ("rgb", "| | | {} | |")):
-        image = [dataclasses.replace(row, observation=observation) for row in _training()]
-        monkeypatch.setattr(learned, "rows", lambda image=image: image)
-        best = "0.50 (0.40 to 0.90)<br>SAC; success 0.40"
+    for method, observation, cells in (
+        ("distill", "markov", "| | | {} | | | |"),
+        ("sac", "rgb+held", "| | | | {} | | |"),
+        ("sac", "rgb", "| | | | | {} | |"),
+    ):
+        own = [
+            dataclasses.replace(row, method=method, observation=observation) for row in _training()
+        ]
+        monkeypatch.setattr(learned, "rows", lambda own=own: own)
+        title = {"sac": "SAC", "distill": "distillation"}[method]
+        best = f"0.50 (0.40 to 0.90)<br>{title}; success 0.40"
         assert cells.format(best) in learned.overview()
 
 
