@@ -100,7 +100,7 @@ class QueuedRun:
         else:
             own = ["train", self.method, self.task, "--preset", self.preset, "--seeds", self.seeds]
             if self.teacher:
-                own += ["--teacher", self.teacher, "--trust"]
+                own += ["--teacher", self.teacher, *(() if ":" in self.teacher else ("--trust",))]
             for actor in self._actor:
                 own += ["--task-settings", json.dumps({"actor": actor})]
             if self.settings:
