@@ -31,7 +31,7 @@ def summary() -> str:
               _water(_BOX, "H.", "level water"), "", *_waters(_BOX, "H.")),
         _line(f"{len(_FRONTS)} dam breaks, up to the wall", "position of the front, rms [%]",
               "", "", *_waters(_FRONTS, "front")),
-        _line("the same, after a delay of the release that fits best",
+        _line("the same, shifted by the release delay that fits best",
               "position of the front, rms [%]", "", "", *_waters(_FRONTS, "front .*")),
         *(
             _line(f"{len(_TANKS)} sloshing tanks", f"{quantity} [%]", "",

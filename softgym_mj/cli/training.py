@@ -97,8 +97,8 @@ def train(
     minutes: Annotated[
         float | None,
         typer.Option(
-            help="Time limit: learning stops early enough for the final evaluation; the same "
-            "command continues later."
+            help="Time limit, without --jobs and --ray: learning stops early enough for the final "
+            "evaluation; the same command continues later."
         ),
     ] = None,
     log: Annotated[str, typer.Option(help="none, tensorboard or wandb.")] = "none",
@@ -185,7 +185,7 @@ def _note_symmetries(actor: str | None, settings: Any) -> None:
     if actor is not None and getattr(settings, "symmetric", None) is False:
         from softgym_mj.learning import reports
 
-        reports.line(f"the actor {actor} has no symmetries: replay is plain")
+        reports.line(f"symmetric is off for the actor {actor}: replay is plain")
 
 
 def _checked_minutes(minutes: float, in_one_process: bool) -> float:

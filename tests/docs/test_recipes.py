@@ -87,7 +87,7 @@ def test_stacked_images(run):
 
 
 def test_environments_side_by_side(run):
-    recipe = run("Gymnasium: environments side by side")
+    recipe = run("Gymnasium: vector environments")
     assert recipe.observations.shape == (2, 36) and recipe.observations.dtype == np.float32
     assert not np.array_equal(*recipe.observations)
     assert recipe.truncated.all()

@@ -6,7 +6,7 @@ from typing import Protocol
 import torch
 from torch import Tensor, nn
 
-_WINDOW = 0.5  # Standard deviation of the window in which actions of bins are chosen.
+_WINDOW = 0.5  # Standard deviation of the window in which bins are averaged, of values in -1..1.
 
 
 class ActionForm(Protocol):
