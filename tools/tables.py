@@ -246,11 +246,10 @@ def pages() -> dict[pathlib.Path, str]:
         (DOCS / "physics.md", {"lab": lab_tables.kept, "water": water}),
         (DOCS / "learning.md", {"presets": presets.presets, "settings": settings_table.sac}),
         (DOCS / "custom_tasks.md", {"grasps": grasp_table.grasps}),
-        (DOCS / "recipes.md", {"lerobot": lerobot_table.scores}),
         (DOCS / "validation.md", {"experts": lambda: experts.table(scores)}),
         (DOCS / "commands.md", {"commands": published_commands.commands}),
         (DOCS / "results.md", {"overview": learned.overview, "learned": learned.results,
-                               "others": learned.others}),
+                               "lerobot": lerobot_table.scores, "others": learned.others}),
     )  # fmt: skip
     texts = {}
     for path, tables in named:
