@@ -3,7 +3,7 @@
 import io
 import itertools
 import pathlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -38,7 +38,6 @@ _TITLES = {
 _KINDS = (
     "RL on states", "imitated expert, states", "images + proprioception", "images alone", "CEM",
 )  # fmt: skip
-_SEEDS = 5  # Number of seeds of a row, unless the overview names another.
 # Colors of methods with their observations: those of Matplotlib without gray, and more.
 _MORE = "black", "navy", "darkgreen", "maroon", "gold", "chartreuse"
 _COLORS = *(f"C{k}" for k in range(10) if k != 7), *_MORE
@@ -109,8 +108,8 @@ def others() -> str:
 
 
 def summary() -> str:
-    """The matrix of README, with medians and methods alone, and what its columns are."""
-    found = matrix(_short)
+    """The matrix of README, and what its columns are."""
+    found = matrix()
     notes = (
         "*Cells*: median over three or five seeds, success rate, and the method where it is not "
         "imitation (distillation). Method, and settings of `fold_cloth` and `drop_cloth`, were "
@@ -126,15 +125,15 @@ def summary() -> str:
 
 def overview() -> str:
     """The matrix of docs/results.md, with its notes."""
-    found = matrix(_cell)
+    found = matrix()
     stale = (
         " \u2020: measured before the task's initial states changed." if "\u2020" in found else ""
     )
     lines = (
-        "*Cell*: median (quartiles) over seeds (five, unless the cell has another number); method; "
-        "[success](glossary.md) rate. The method is the column's best by held-out score, "
-        f"which makes cells slightly optimistic.{stale} Empty: no row "
-        "below; [failed students](learning.md#reactive-experts) have none.",
+        "*Cell*: median over three or five seeds, [success](glossary.md) rate, and the method "
+        "where it is not distillation. The method is the column's best by held-out score, which makes "
+        f"cells slightly optimistic.{stale} Empty: no row below; [failed students]"
+        "(learning.md#reactive-experts) have none.",
         "*No action*: mean over the 200 held-out variations. It is above 0 where the start lies "
         "above the lower bound (`straighten_rope`) or grippers release the cloth (`drop_cloth`, "
         "`drop_fold_cloth`).",
@@ -165,20 +164,17 @@ def _taught_by_functions() -> str:
     return f" Experts teach the students of {named}." if named else ""
 
 
-def matrix(cell: Callable[[Mapping[str, Any]], str]) -> str:
+def matrix() -> str:
     """A table of the best published score of each task and actor by kind of policy.
 
     It is empty until a learner has final rows. Planners are listed with the paper's budget only.
-
-    Args:
-        cell: returns the text of a result.
     """
     lines = [line for line in numbers_of(rows()) if line["preset"] != "small"]
     if all(line["method"] in PLANNERS for line in lines):
         return ""
     cells: dict[tuple[str, str], dict[str, str]] = {}
     for line in sorted(lines, key=lambda line: line["median"]):  # The best one overwrites others.
-        cells.setdefault((line["task"], line["actor"]), {})[_kind(line)] = cell(line)
+        cells.setdefault((line["task"], line["actor"]), {})[_kind(line)] = _cell(line)
     nothing = {(task, DEFAULT_ACTOR): score for task, score in idle().items()}
     found = [
         _row(
@@ -219,17 +215,7 @@ def _kind(line: Mapping[str, Any]) -> str:
 
 
 def _cell(line: Mapping[str, Any]) -> str:
-    """Text of a result, with its quartiles, in the overview."""
-    shown = _ranged(line, "median", "percentile_25", "percentile_75") + _mark(line)
-    if line["method"] in PLANNERS:
-        return f"{shown}<br>success {line['success_rate']:.2f}"
-    number = line["seeds"]
-    seeds = "" if number == _SEEDS else f", {number} seed{'s' if number > 1 else ''}"
-    return f"{shown}<br>{_title(line)}{seeds}; success {line['success_rate']:.2f}"
-
-
-def _short(line: Mapping[str, Any]) -> str:
-    """Text of a result, its median and success rate, in README."""
+    """Text of a result in the overview: its median, success rate and method."""
     method = "" if line["method"] in (*PLANNERS, "distill") else f" {_title(line)}"
     return f"{line['median']:z.2f}{_mark(line)} ({round(line['success_rate'], 2):.0%}){method}"
 
