@@ -131,8 +131,8 @@ def overview() -> str:
     )
     lines = (
         "*Cell*: median over three or five seeds, [success](glossary.md) rate, and the method "
-        "where it is not distillation. The method is the column's best by held-out score, which makes "
-        f"cells slightly optimistic.{stale} Empty: no row below; [failed students]"
+        "where it is not distillation. The method is the column's best by held-out score, which "
+        f"makes cells slightly optimistic.{stale} Empty: no row below; [failed students]"
         "(learning.md#reactive-experts) have none.",
         "*No action*: mean over the 200 held-out variations. It is above 0 where the start lies "
         "above the lower bound (`straighten_rope`) or grippers release the cloth (`drop_cloth`, "

@@ -10,7 +10,7 @@ import rich.progress
 import typer
 
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.policies.exported import FILES
+from softgym_mj.policies.exported import FILES, has_images, observes
 from softgym_mj.registry import TASKS, TaskRecord
 from softgym_mj.rendering.look import LOOKS, PAPER
 from softgym_mj.variations.indices import evaluation_variations
@@ -119,12 +119,19 @@ def combined(settings: dict[str, Any], name: str, **options: Any) -> dict[str, A
 
 
 def for_people(
-    record: TaskRecord, actor: str | None, grasp: str | None, look: str | None = None
+    record: TaskRecord, policy: str, actor: str | None, grasp: str | None, look: str | None = None
 ) -> dict[str, Any]:
-    """Returns arguments of a task whose images are for people; custom tasks may lack `look`."""
-    if look is None and "look" in record.arguments:
+    """Returns arguments of a task that a policy plays for people to watch.
+
+    They include the observation and actor of a saved policy. A look that is not given is the
+    paper's, except for policies of images, which observe that of their training, and custom tasks
+    without looks.
+    """
+    own = observes(policy)
+    sees = has_images(own.get("observation", "reduced"))
+    if look is None and not sees and "look" in record.arguments:
         look = PAPER.name
-    return given(actor=actor, grasp=grasp, look=look)
+    return {**own, **given(actor=actor, grasp=grasp, look=look)}
 
 
 def parsed_settings(settings: str, name: str = "task_settings") -> dict[str, Any]:

@@ -14,6 +14,7 @@ from softgym_mj.cli.console import (
     Variation,
     console,
     for_people,
+    policy_file,
     progress_bar,
 )
 from softgym_mj.exceptions import InvalidArgumentError, check_count
@@ -56,7 +57,8 @@ def photo(
     # Its arguments are checked before the episode is played.
     view = photos.PhotoCamera(camera, size, samples, denoise)
     make_folder(file.parent)
-    env = softgym_mj.load(record, split="all", **for_people(record, actor, grasp))
+    policy = policy_file(policy)
+    env = softgym_mj.load(record, split="all", **for_people(record, policy, actor, grasp))
     check_count("step", step, 0, env.horizon)
     act = make_policy(policy, env, trust=trust)
     index = env.task.example_variation if variation is None else variation

@@ -29,7 +29,6 @@ from softgym_mj.cli.console import (
 )
 from softgym_mj.parallel.executors import make_executor
 from softgym_mj.policies.episodes import Episode, play
-from softgym_mj.policies.exported import observes
 from softgym_mj.policies.factory import SIMPLE
 from softgym_mj.registry import SUITES, find, task_names
 from softgym_mj.rendering.look import PAPER
@@ -150,7 +149,7 @@ def rollout(
     policy = policy_file(policy)
     if video is not None:
         make_folder(video)
-    settings = {**observes(policy), **for_people(record, actor, grasp, look)}
+    settings = for_people(record, policy, actor, grasp, look)
     env = softgym_mj.load(record, split=played, **settings)
     # Arms are named as in "franka/attach".
     own_actor, own_grasp = (*env.task.actor.name.split("/"), None)[:2]

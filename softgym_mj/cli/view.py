@@ -4,8 +4,9 @@ from typing import Annotated
 
 import typer
 
-from softgym_mj.cli.console import Actor, Grasp, Look, Task, Trust, console, given
+from softgym_mj.cli.console import Actor, Grasp, Look, Task, Trust, console, given, policy_file
 from softgym_mj.exceptions import check_name
+from softgym_mj.policies.exported import observes
 from softgym_mj.policies.factory import SIMPLE
 from softgym_mj.policies.saved import is_saved
 from softgym_mj.registry import find
@@ -38,9 +39,10 @@ def view(
     """Shows a task in MuJoCo's viewer or a browser, teleoperated or with a policy."""
     find(task)
     check_variation(variation)
+    policy = policy_file(policy)
     if not is_saved(policy):
         check_name("policy", policy, (TELEOPERATE, *SIMPLE, "FILE.pt2", "MODULE:FUNCTION"))
-    settings = given(actor=actor, grasp=grasp, look=look)
+    settings = {**observes(policy), **given(actor=actor, grasp=grasp, look=look)}
     if browser:
         from softgym_mj.viewing.browser import Browser, open_server
 
