@@ -235,6 +235,50 @@ class _Looser(softgym_mj.tasks.straighten_rope.StraightenRope):
     success = 0.5
 
 
+class _Ended(softgym_mj.tasks.straighten_rope.StraightenRope):
+    """A custom task that ends early."""
+
+    def should_terminate_episode(self, physics):
+        return True
+
+
+class _Windy(softgym_mj.entities.Rope):
+    """A rope with a hook of its own."""
+
+    def before_substep(self, physics, random_state):
+        physics.data.qvel[:] += 0.5
+
+
+class _Blown(softgym_mj.tasks.Task):
+    """A custom task with such a rope."""
+
+    summary, material, horizon = "Lift the rope.", "rope", 4
+
+    def __init__(self, **settings: Unpack[softgym_mj.tasks.TaskSettings]):
+        self.rope = _Windy()
+        super().__init__([self.rope], **settings)
+
+    def arrange(self, random):
+        self.rope.set_points(self.rope.straight() + [0.0, 0.0, 0.01])
+
+    def measure(self, state, episode):
+        height = state.points["rope"][..., 2].mean(-1)
+        return softgym_mj.tasks.Measures(height, {"height": height})
+
+
+@pytest.mark.parametrize(
+    ("task", "named"),
+    [
+        (_Ended, "class defines should_terminate_episode"),
+        (_Blown, "_Windy defines before_substep"),
+    ],
+)
+def test_hooks_of_a_single_simulation_are_refused(register, task, named):
+    register("hooked_rope", task)
+    with pytest.raises(InvalidArgumentError, match=f"{named}, is not available"):
+        softgym_mj.make_vec("hooked_rope", 1, device="host")
+
+
 def test_custom_tasks_are_played_if_they_are_functions_of_arrays(register):
     register("count_rope", _Counted)
     with pytest.raises(InvalidArgumentError, match="defines after_step, is not available"):

@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import cloudpickle
+from dm_control import composer
 
 from softgym_mj.batch.device import CpuDevice, Device
 from softgym_mj.envs.environment import Environment
@@ -27,8 +28,11 @@ from softgym_mj.vector.processes import num_cores
 
 # Methods of a task that act on a single simulation, which batches cannot call.
 _OF_ONE = (
-    "after_step", "before_step", "before_substep", "diagnostics", "get_state", "info", "set_state",
+    "after_step", "after_substep", "before_step", "before_substep", "diagnostics", "get_discount",
+    "get_reward", "get_state", "info", "set_state", "should_terminate_episode",
 )  # fmt: skip
+# Hooks of entities during steps, likewise.
+_HOOKS = "before_step", "before_substep", "after_substep", "after_step"
 
 MANY, _SHARE = 64, 8  # Initial states from which several processes read, and reads per call.
 SOON = 4  # Episodes per environment within which most variations occur.
@@ -122,6 +126,13 @@ class InitialStateCache:
         for method in _OF_ONE:
             if getattr(type(env.task), method) is not getattr(Task, method):
                 raise cpu_only(f"task={env.name!r}, whose class defines {method},")
+        for entity in env.task.root_entity.iter_entities():
+            for name in _HOOKS:
+                hook = getattr(type(entity), name)
+                is_known = hook.__module__.startswith("softgym_mj.")  # Arms: batches sense, too.
+                if hook is not getattr(composer.Entity, name) and not is_known:
+                    kind = type(entity).__name__
+                    raise cpu_only(f"task={env.name!r}, whose {kind} defines {name},")
         if env.task.counts_intersections:
             raise cpu_only("count_intersections=True")
         if others := _moving_bodies(env, physics):
