@@ -25,6 +25,7 @@ from softgym_mj.validation import describe
 from softgym_mj.variations.indices import check_variation, split_indices
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+_HOOKS_KEY, _STARTS_KEY = 0x484F4F4B, 0x53544152  # Separate random numbers of hooks from others.
 
 
 class Environment(SimulatedEnvironment):
@@ -129,16 +130,30 @@ class Environment(SimulatedEnvironment):
         observation = self._observation_updater.get_observation()
         return dm_env.TimeStep(dm_env.StepType.FIRST, None, None, observation)
 
+    def seed_hooks(self, variation: int) -> None:
+        """Seeds the `random_state` that hooks of a custom task get during steps.
+
+        Those of the start always get one that depends on the variation alone.
+
+        Args:
+            variation: index 0..999 of the episode that starts next.
+
+        Raises:
+            InvalidArgumentError: if there is no such variation.
+        """
+        self._random_state.seed([_HOOKS_KEY, check_variation(variation)])
+
     def _start(self, variation: int):
         # Until the episode has started.
         self.current_variation, self._reset_next_step = None, True
         recompile = self._task.choose_variation(variation)
-        self._hooks.initialize_episode_mjcf(self._random_state)
+        random = np.random.RandomState([_STARTS_KEY, variation])
+        self._hooks.initialize_episode_mjcf(random)
         if recompile or self._edits_mjcf:
             self._recompile_physics_and_update_observables()
         try:
             with self._physics.reset_context():
-                self._hooks.initialize_episode(self._physics_proxy, self._random_state)
+                self._hooks.initialize_episode(self._physics_proxy, random)
         except PhysicsError as error:
             reason = f"the start of variation {variation} of {self.name} diverges: {error}"
             raise SimulationError(reason) from error
@@ -175,11 +190,13 @@ class Environment(SimulatedEnvironment):
 
         Args:
             act: returns the action for a time step.
-            variation: as in `reset`.
+            variation: as in `reset`; a given one also seeds hooks, as `seed_hooks` does.
 
         Raises:
             SimulationError: if the simulation diverges: such an episode has no score.
         """
+        if variation is not None:
+            self.seed_hooks(variation)
         timestep = self.reset(variation)
         yield timestep
         while not timestep.last():

@@ -25,9 +25,7 @@ from softgym_mj.exceptions import (
 )
 from softgym_mj.rendering.offscreen import LARGEST_IMAGE, CameraView, camera_ids
 from softgym_mj.validation import check_type
-from softgym_mj.variations.indices import check_variation
 
-_HOOKS_KEY = 0x484F4F4B  # Separates the random numbers of hooks from others.
 # Attributes copied in addition to the arguments and the state of the episode.
 _COPIED = ("_np_random", "_np_random_seed", "action_space", "observation_space", "_spec")
 
@@ -176,8 +174,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         variation = options.get("variation")
         if variation is None:
             variation = draw_variation(self.np_random, self.dm_env.variations)
-        # As in the workers of `VectorEnv`, which get no seeds.
-        self.dm_env.random_state.seed([_HOOKS_KEY, check_variation(variation)])
+        self.dm_env.seed_hooks(variation)  # As in the workers of `VectorEnv`, which get no seeds.
         timestep = self.dm_env.reset(variation)
         return self._convert(timestep.observation), self._info()
 

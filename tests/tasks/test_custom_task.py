@@ -347,6 +347,55 @@ def test_a_camera_looks_where_it_is_told_to():
     np.testing.assert_allclose(right, [0.8, -0.6, 0.0], atol=1e-9)
 
 
+class Drawn(Task):
+    """A rope whose goal a hook draws at the start."""
+
+    material, horizon = "rope", 5
+
+    def __init__(self, **settings: Unpack[TaskSettings]):
+        self.rope, self.place = Rope("fast"), 0.0
+        super().__init__([self.rope], **settings)
+
+    def arrange(self, random):
+        self.rope.set_points(self.rope.straight() + [0.0, 0.0, 0.01])
+
+    def initialize_episode(self, physics, random_state):
+        self.place = random_state.uniform()
+        super().initialize_episode(physics, random_state)
+
+    def goal(self, variation, points):
+        return {"place": np.array([self.place, 0.0, 0.0])}
+
+    def measure(self, state, episode):
+        place = 0.0 * state.points["rope"][..., 0].mean(-1) + episode.goal["place"][..., 0]
+        return Measures(place, {"place": place})
+
+
+GOALS = {v: np.random.RandomState([0x53544152, v]).uniform() for v in (5, 6)}
+
+
+@pytest.mark.parametrize("device", ["cpu", "host"])
+def test_goals_that_hooks_draw_belong_to_the_variation(register, device):
+    register("drawn", Drawn)
+    envs = softgym_mj.make_vec("drawn", 2, device=device)
+    variations = {"variation": [5, 6]}
+    expected = [GOALS[5], GOALS[6]]
+    np.testing.assert_array_equal(envs.reset(options=variations)[1]["performance"], expected)
+    snapshots = envs.get_state()
+    envs.reset(options={"variation": [7, 8]})
+    infos = envs.set_state(snapshots[::-1])[1]
+    np.testing.assert_array_equal(infos["performance"], expected[::-1])
+    envs.close()
+
+
+def test_a_restored_environment_has_the_goal_that_hooks_drew(register):
+    register("drawn", Drawn)
+    env, other = (softgym_mj.load("drawn", split="all", random_state=k) for k in (1, 2))
+    env.reset(5)
+    other.set_state(env.get_state())
+    assert env.info()["performance"] == other.info()["performance"] == GOALS[5]
+
+
 @pytest.mark.parametrize("vector", [False, True])
 def test_random_numbers_of_hooks_depend_on_the_variation_alone(register, vector):
     class Windy(Straight):
@@ -369,3 +418,9 @@ def test_random_numbers_of_hooks_depend_on_the_variation_alone(register, vector)
     expected = np.random.RandomState([0x484F4F4B, 800])
     assert noise[0] == [expected.uniform(), expected.uniform()]
     env.close()
+    if not vector:
+        own = softgym_mj.load("windy", split="all", random_state=3)
+        zero = np.zeros(own.action_spec().shape)
+        for _ in range(2):
+            played = [own.info()["noise"] for _ in own.play(lambda _: zero, 800)]
+            assert played[1:3] == noise[0]
