@@ -25,6 +25,7 @@ def join(folders: Sequence[pathlib.Path], out: pathlib.Path) -> list[int]:
         StoreError: for trainings that differ in other settings, share a seed or are unfinished.
     """
     cards = [read_json(folder / CARD) for folder in folders]
+    rows = {folder: read_rows(folder / FILE) for folder in folders}
     first, card = folders[0], cards[0]
     of: dict[int, pathlib.Path] = {}
     for folder, own in zip(folders, cards, strict=True):
@@ -32,7 +33,10 @@ def join(folders: Sequence[pathlib.Path], out: pathlib.Path) -> list[int]:
             if own.get(name) != card.get(name):
                 where = f"{name} in {folder / CARD} and in {first / CARD}"
                 raise StoreError(f"cannot join trainings: {where} differ")
-        if own.get("env_steps") != own["evaluations"][-1]:
+        done = [
+            row for row in rows[folder] if row.final and row.env_steps == own["evaluations"][-1]
+        ]
+        if {row.seed for row in done} != {*own["seeds"]}:
             raise StoreError(f"cannot join trainings: {folder} has not ended")
         for seed in own["seeds"]:
             if seed in of:
@@ -42,8 +46,8 @@ def join(folders: Sequence[pathlib.Path], out: pathlib.Path) -> list[int]:
             of[seed] = folder
     make_folder(out)
     seeds = sorted(of)
-    rows = [row for folder in folders for row in read_rows(folder / FILE)]
-    write_rows(sorted(rows, key=lambda r: (r.env_steps, r.split != "train", r.seed)), out / FILE)
+    joint = [row for own in rows.values() for row in own]
+    write_rows(sorted(joint, key=lambda r: (r.env_steps, r.split != "train", r.seed)), out / FILE)
     _join_episodes(folders, out)
     for seed in seeds:
         name = POLICY.format(seed=seed)

@@ -9,7 +9,7 @@ import pytest
 from softgym_mj.exceptions import StoreError
 from softgym_mj.learning.joining import join
 from softgym_mj.learning.registry import find_method
-from softgym_mj.learning.results import read_rows
+from softgym_mj.learning.results import read_rows, write_rows
 from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.spreading import train_each
 from softgym_mj.learning.training import Training
@@ -83,8 +83,8 @@ def test_trainings_that_differ_or_have_not_ended_are_not_joined(tmp_path, no_pol
         join([first, longer], tmp_path / "out")
     with pytest.raises(StoreError, match="have seed=0"):
         join([first, first], tmp_path / "out")
-    card = json.loads((first / "card.json").read_text())
-    (first / "card.json").write_text(json.dumps({**card, "env_steps": 4}))
+    curve = first / "curve.csv"  # As if its final evaluation had been interrupted.
+    write_rows([row for row in read_rows(curve) if not row.final], curve)
     with pytest.raises(StoreError, match="first has not ended"):
         join([first], tmp_path / "out")
     assert not (tmp_path / "out").exists()
