@@ -191,7 +191,14 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         return self.call(name)
 
     def set_attr(self, name: str, values: Any) -> None:
-        """Sets an attribute of all environments to one value, or to a list or tuple of values."""
+        """Sets an attribute of all environments to one value, or to a list or tuple of values.
+
+        Raises:
+            InvalidArgumentError: For `clip_actions`, which `make_vec` takes, and for another number
+                of values than environments.
+        """
+        if name == "clip_actions":
+            raise InvalidArgumentError("name", name, "another one: make_vec takes clip_actions")
         if not isinstance(values, (list, tuple)):
             values = [values] * self.num_envs
         if len(values) != self.num_envs:

@@ -103,6 +103,8 @@ def test_attributes_are_those_of_the_environments():
     assert envs.call("get_wrapper_attr", "mark") == tuple("abc")
     with pytest.raises(AttributeError, match="horizon"):  # Fixed when they are made.
         envs.set_attr("horizon", 3)
+    with pytest.raises(InvalidArgumentError, match="make_vec takes clip_actions"):
+        envs.set_attr("clip_actions", False)
     envs.close()
 
 
