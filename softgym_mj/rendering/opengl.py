@@ -2,7 +2,8 @@
 
 dm_control and MuJoCo open the library of `MUJOCO_GL` when they are imported. Mesa's software
 renderer brings an LLVM, and a triton (PyTorch's compiler) that is loaded later binds to its
-symbols: the process ends with a segmentation fault. The other order works.
+symbols: the process ends with a segmentation fault. The other order works. A program that imports
+dm_control before softgym_mj has chosen the fatal one: images work then, `import triton` does not.
 """
 
 import contextlib
@@ -32,6 +33,8 @@ def load_triton_first() -> None:
     """
     if sys.platform != "linux" or "triton" in sys.modules:
         return
+    if "libLLVM" in pathlib.Path("/proc/self/maps").read_text():
+        return  # OpenGL was first: loading triton now would end the process.
     spec = importlib.util.find_spec("triton")
     for folder in (spec and spec.submodule_search_locations) or ():
         for library in sorted((pathlib.Path(folder) / "_C").glob("libtriton*.so")):

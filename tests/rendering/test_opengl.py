@@ -106,6 +106,11 @@ def test_pyopengl_may_be_imported_before_the_first_image_and_triton_after_it():
     assert run(code)[1::2] == ["True", "triton"]
 
 
+def test_images_after_an_import_of_dm_control_that_opened_opengl():
+    before, drawn, _ = run(f"from dm_control import suite\n{IMAGE}")
+    assert "libEGL" in before and drawn == "True"
+
+
 @pytest.mark.parametrize(
     "first", ["from dm_control import suite", pytest.param("import mujoco", marks=pytest.mark.long)]
 )
