@@ -109,6 +109,12 @@ def test_other_tasks_are_refused():
         make_policy("reactive", softgym_mj.load("drop_cloth"))
 
 
+def test_arms_that_act_by_joints_are_refused():
+    env = softgym_mj.load("fold_cloth", actor="franka", action="joints")
+    with pytest.raises(InvalidArgumentError, match="displacements of grippers"):
+        make_policy("reactive", env)
+
+
 def test_pick_and_place_is_refused():
     env = softgym_mj.load("fold_cloth", actor="pick_and_place")
     with pytest.raises(InvalidArgumentError, match=r"actor='pick_and_place.*equal lengths"):

@@ -21,6 +21,7 @@ from softgym_mj.policies.reactive.rope import rope_configuration
 from softgym_mj.policies.reactive.shirt import fold_shirt
 from softgym_mj.policies.reactive.spreading import spread_cloth
 from softgym_mj.policies.reactive.straightening import straighten_rope
+from softgym_mj.robots.gripper import Gripper
 
 LABELS: dict[str, Callable[[Array], Array]] = {
     "drop_fold_cloth": drop_fold_cloth,
@@ -42,13 +43,16 @@ def make_policy(env: Environment) -> Callable[[dm_env.TimeStep], np.ndarray]:
     """Returns the reactive expert of an environment, for any observations.
 
     Raises:
-        InvalidArgumentError: for a task without a reactive expert, or an actor of pick and place;
-            the policy raises it for arms that its expert does not move.
+        InvalidArgumentError: for a task without a reactive expert, an actor of pick and place, or
+            arms that act by joints; the policy raises it for arms that its expert does not move.
     """
     check_name("task", env.name, LABELS)
-    if env.task.actor.sim_steps is not None:
-        valid = "one whose env steps have equal lengths"
-        raise InvalidArgumentError("actor", env.task.actor.name, valid)
+    actor = env.task.actor
+    if actor.sim_steps is not None:
+        raise InvalidArgumentError("actor", actor.name, "one whose env steps have equal lengths")
+    if isinstance(actor, Gripper) and not actor.displaces:
+        valid = "an actor whose actions are displacements of grippers"
+        raise InvalidArgumentError("actor", actor.name, valid)
     labels = LABELS[env.name]
     names = getattr(labels, "observes", "markov").split("+")
     return lambda timestep: labels(np.concatenate([env.task.observe(name) for name in names]))
