@@ -15,6 +15,7 @@ from softgym_mj.cli.console import (
     WaterRecordings,
     console,
 )
+from softgym_mj.exceptions import StoreError
 from softgym_mj.storage.files import make_folder, read_json, write_json
 
 app = typer.Typer(
@@ -113,6 +114,8 @@ def rope(
     names = cable or CABLES
     entries = {} if identified is None else read_json(identified)
     found = {name: read_identified(Properties, entries[name]) for name in names if name in entries}
+    if identified is not None and not found:
+        raise StoreError(f"{identified} has no entry of {' or '.join(names)}")
     recordings = {name: read_recordings(folder, name, split) for name in names}
     titles = "all [mm]", "free [mm]", "worst", "real time", "models"
     typer.echo(_ROPE_LINE.format("cable", "solver", *titles))

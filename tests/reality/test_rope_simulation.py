@@ -8,14 +8,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.reality.rope import identification
 from softgym_mj.reality.rope.cable import Properties, compiled
 from softgym_mj.reality.rope.experiment import measure
 from softgym_mj.reality.rope.recordings import HELD, Recording
 from softgym_mj.reality.rope.scenario import Scenario, scenario_of
 from softgym_mj.reality.rope.simulation import ASSUMED, CableSolver, marker_spacing
-from tests.command import output_of
+from tests.command import error_of, output_of
 from tests.reality import cables
 
 SPACING = np.array([0.02, 0.1, 0.09, 0.11, 0.1, 0.1, 0.03])  # [m]
@@ -123,3 +123,10 @@ def test_secret_properties_are_found_in_recordings_of_them(tmp_path, monkeypatch
 def test_few_recordings_are_refused():
     with pytest.raises(InvalidArgumentError, match="recordings=4"):
         identification.identify([simulated(frames=10)] * 4)
+
+
+def test_a_file_without_the_cables_is_refused(tmp_path):
+    found = tmp_path / "found.json"
+    found.write_text('{"DLO2": {}}')
+    error = error_of("validate", "rope", tmp_path, "--cable", "DLO1", "--identified", found)
+    assert isinstance(error, StoreError) and "has no entry of DLO1" in str(error)
